@@ -15,6 +15,7 @@ looked for, and the truth is `albot_maps.same_place`:
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -104,27 +105,45 @@ def mistakes(
     Returns:
         Of each mistake the reading, the event, and the share of positions in both places.
     """
-    places = np.zeros(len(driven.points), np.int64)
-    rooms, doors, current = [], [], 0
+    rooms, doors = [], []
+    for k, event, places, current in _followed(driven):
+        if event.kind in CAME_IN:
+            end = _next_door(driven, k)
+            earlier = np.flatnonzero(places == current)
+            share = _share(same, np.arange(k, end), earlier)
+            if end - k >= LEAST and share < SAME:
+                doors.append((k, event, share))
+        if event.kind in MERGED:
+            share = _overlap(same, places, event)
+            if share < SAME:
+                rooms.append((k, event, share))
+    return rooms, doors
+
+
+def comparisons(
+    driven: Drive, same: Bool[np.ndarray, "readings readings"]
+) -> list[tuple[Event, float]]:
+    """Find the comparisons of places, each with the share of positions in both places."""
+    return [
+        (event, _overlap(same, places, event))
+        for _, event, places, _ in _followed(driven)
+        if event.kind in (EventKind.RECOGNIZED, EventKind.REFUSED)
+    ]
+
+
+def _followed(driven: Drive) -> Iterator[tuple[int, Event, Int64[np.ndarray, "earlier"], int]]:
+    """Yield each event with its reading, the place of each earlier reading, and that after it."""
+    places, current = np.zeros(len(driven.points), np.int64), 0
     for k, events in enumerate(driven.events):
         for event in events:
             if event.kind in THROUGH:
                 current = event.place if event.kind == EventKind.RETURNED else event.other
-            if event.kind in CAME_IN:
-                end = _next_door(driven, k)
-                earlier = np.flatnonzero(places[:k] == current)
-                share = _share(same, np.arange(k, end), earlier)
-                if end - k >= LEAST and share < SAME:
-                    doors.append((k, event, share))
+            yield k, event, places[:k], current
             if event.kind in MERGED:
-                share = _overlap(same, places[:k], event)
-                if share < SAME:
-                    rooms.append((k, event, share))
                 kept, gone = sorted((event.place, event.other))
                 places[places == gone] = kept
                 current = kept if current == gone else current
         places[k] = current
-    return rooms, doors
 
 
 def _next_door(driven: Drive, reading: int) -> int:
@@ -155,18 +174,25 @@ def _share(
     return float(same[np.ix_(one, other)].any(axis=1).mean()) if len(one) else 1.0
 
 
-def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, object]:
-    """Drive through all worlds, and count those in which a mistake is made."""
-    rooms: list[Mistake] = []
-    doors: list[Mistake] = []
-    recognized = entered = 0
+def drive_all(
+    kind: str, seeds: range, path: float, mapper: str
+) -> Iterator[tuple[int, Drive, Bool[np.ndarray, "readings readings"]]]:
+    """Yield the drive in each world, with its seed and which positions are the same place."""
     for seed in seeds:
         world = load_world(f"random:{kind}:{seed}")
         driven = drive(world, seed, path, mapper)
         names = [room.name for room in world.rooms]
         at = [world.room_at(*point) for point in driven.points.tolist()]
         numbers = np.array([-1 if name is None else names.index(name) for name in at])
-        same = same_places(world, driven.points, numbers)
+        yield seed, driven, same_places(world, driven.points, numbers)
+
+
+def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, object]:
+    """Drive through all worlds, and count those in which a mistake is made."""
+    rooms: list[Mistake] = []
+    doors: list[Mistake] = []
+    recognized = entered = 0
+    for seed, driven, same in drive_all(kind, seeds, path, mapper):
         for made, found in zip((rooms, doors), mistakes(driven, same), strict=True):
             made += [
                 Mistake(seed=seed, reading=k, event=str(event), share=round(share, 2))

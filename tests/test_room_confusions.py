@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.mappers.albot1.places.events import Event, EventKind
-from room_confusions import Drive, measure, mistakes
+from room_confusions import Drive, comparisons, measure, mistakes
 
 
 def drive(rooms: str, events: dict[int, tuple[EventKind, int, int]]) -> tuple[Drive, np.ndarray]:
@@ -39,6 +39,15 @@ def test_a_wrong_door_is_found(after, wrong):
     rooms, doors = mistakes(*driven)
     assert [k for k, _, _ in doors] == [8] * wrong
     assert not rooms
+
+
+@pytest.mark.parametrize(("last", "share"), [("A", 1.0), ("C", 0.0)])
+@pytest.mark.parametrize("kind", [EventKind.REFUSED, EventKind.RECOGNIZED])
+def test_comparisons_are_told_with_what_is_true(kind, last, share):
+    new = EventKind.NEW
+    driven = drive("AAAABBBB" + 4 * last, {4: (new, 0, 1), 8: (new, 1, 2), 11: (kind, 2, 0)})
+    ((event, same),) = comparisons(*driven)
+    assert (event.kind, same) == (kind, share)
 
 
 def test_worlds_are_counted():

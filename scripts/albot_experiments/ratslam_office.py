@@ -22,7 +22,9 @@ ID = "ratslam-office"
 TITLE = "An open plan office (Milford et al. 2005, section 6, figure 13), simulated"
 OFFICE = Wandering(world="open-plan", tour="routes", minutes=15)
 PAPER = {"multiple_overlap": True}
-EITHER_ZONE = replace(CORRECTED, experiences=replace(CORRECTED.experiences, either_zone=True))
+POSITION_OR_HEADING = replace(
+    CORRECTED, experiences=replace(CORRECTED.experiences, position_or_heading=True)
+)
 """The mapper whose experiences are active in either zone, as eq. (9) literally says."""
 
 
@@ -36,15 +38,15 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     for seed in each_seed(seeds, progress):
         journey = OFFICE.journey(seed, OFFICE.minutes)
         runs.append(follow(journey.readings, journey.truth, CORRECTED))
-        errors.append(follow(journey.readings, journey.truth, EITHER_ZONE).error)
+        errors.append(follow(journey.readings, journey.truth, POSITION_OR_HEADING).error)
     return report(seeds, runs, errors)
 
 
 def report(seeds: range, runs: Sequence[Run], either: Sequence[float] = ()) -> Report:
-    """Return the report of these runs, and of the errors of the same runs with `EITHER_ZONE`."""
+    """Return the report of these runs, and of the errors with `POSITION_OR_HEADING`."""
     measured: dict[str, Figures] = figures(runs)
     if either:
-        measured["either_zone_error_m"] = median_and_worst(either)
+        measured["position_or_heading_error_m"] = median_and_worst(either)
     overlap = overlaps(runs)
     return Report(
         id=ID,
@@ -63,6 +65,6 @@ minutes: first along the tour round every cloister of desks, then from one of th
 waypoints to another at random. The paper's robot was a real one with a camera; this is its
 simulator's, with scenes in place of pictures.
 
-`either_zone_error_m` is the error where an experience is active in its zone in (x', y') or in that
-in θ', as eq. (9) says to the letter, and not in both.
+`position_or_heading_error_m` is the error where an experience is active in its zone in (x', y') or
+in that in θ', as eq. (9) says to the letter, and not in both.
 """

@@ -55,8 +55,11 @@ class PlacesConfig:
     apart; it does not limit where a place may be found."""
     min_matches: int = 4
     """More surfaces must be the same (algorithm 6, line 11)…"""
+    min_probability: float = 0.93
+    """…and it must be so probable that the places are one (`places/evidence.py`). At 0, as in
+    `albot1-thesis` and `albot1-tracked`, that is not asked, but the next shares are."""
     min_share: float = 0.3
-    """…and they must make up this share of the smaller description (thesis: any)."""
+    """The same surfaces must make up this share of the smaller description (thesis: any)."""
     reobserved_share: float = 0.1
     """A place is a loop-closure candidate if more surfaces are observed again than its gate says:
     this share of all its surfaces…"""
@@ -68,11 +71,11 @@ class PlacesConfig:
     """When the robot enters a new place, those within whose surfaces it believes to stand are
     candidates as well. Off in the thesis."""
     min_share_here: float = 0.7
-    """There the same surfaces must make up this share of the smaller description."""
+    """There the same surfaces must make up this share of the smaller description, where the
+    probability is not asked."""
     expects_drift: bool = True
     """Whether the map may have drifted. The distance at which a known exit or place is accepted
-    grows with the way since the map was last aligned. A place of which little is recognised must
-    be in sight of where the robot has been in it. The robot may have entered the next room
+    grows with the way since the map was last aligned. The robot may have entered the next room
     unnoticed. Off in `albot1-thesis` and `albot1-tracked`."""
     compare_spacing: float = 0.7
     """Places are compared again after the robot has gone so far (m)…"""
@@ -93,7 +96,9 @@ class PlacesConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "tolerance", "compare_spacing", "compare_turn")
-        check_fields(self, SHARE, "min_share", "reobserved_share", "min_share_here")
+        check_fields(
+            self, SHARE, "min_share", "reobserved_share", "min_share_here", "min_probability"
+        )
         counts = "min_matches", "min_reobserved", "max_reobserved", "min_relocalise_matches"
         check_fields(self, _FROM_ONE, *counts, "max_surfaces", "max_events")
 
@@ -102,6 +107,7 @@ class PlacesConfig:
         """The thesis's thresholds. They ask for less, though rooms are alike."""
         return cls(
             match=MatchConfig(max_gap=0.40, max_shift=np.inf, max_turn=np.pi),
+            min_probability=0.0,
             min_share=0.0,
             candidates_by_position=False,
             uses_expected_exits=False,
@@ -229,7 +235,7 @@ class Albot1Config:
         """Those of `albot1-tracked`: landmarks followed from view to view localise it jointly."""
         return cls(
             view=ViewConfig(fit_lines=True, grazing_ends=True),
-            places=PlacesConfig(expects_drift=False),
+            places=PlacesConfig(min_probability=0.0, expects_drift=False),
             margin=0.40,
             submap_matching=False,
             covered_is_reobserved=True,

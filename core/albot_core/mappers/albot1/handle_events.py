@@ -128,7 +128,8 @@ def _compare(robot: RobotMemory) -> None:
     step, pose = robot.step, robot.view.pose
     reobserved[:, GATE] = candidate_gates(network, pose)
     drop_candidates(pm)
-    if recognize_place(network, step, reobserved, _seen_here(robot), pose):
+    exits = robot.exits.lines[: robot.exits.counts[0]]
+    if recognize_place(network, step, reobserved, _seen_here(robot), exits, pose):
         reset_candidates(pm, candidate_gates(network, pose))
 
 

@@ -68,7 +68,7 @@ class LocalViewConfig:
 
     confirmations: int = 2
     """Number of readings in a row that must show a scene before it is believed."""
-    forget: int = 30
+    forget_after: int = 30
     """Number of readings in a row without the believed scene after which it is forgotten."""
     injection: float = 0.04
     """Activity that a fresh view injects in each iteration, as a share of all activity."""
@@ -84,7 +84,7 @@ class LocalViewConfig:
     """Pose cells with at least this share of the highest activity are linked to a view."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _FROM_ONE, "confirmations", "forget")
+        check_fields(self, _FROM_ONE, "confirmations", "forget_after")
         check_fields(self, POSITIVE, "learning_rate")
         check_fields(self, NOT_NEGATIVE, "injection", "learning_delay")
         check_fields(self, _DECAY, "fatigue")
@@ -95,11 +95,11 @@ class LocalViewConfig:
 class PanoramaConfig:
     """Panoramas, the local views of a laser. All values are ours."""
 
-    reach: float = 8.0
+    max_range: float = 8.0
     """Largest range (m); longer ranges are cut to it."""
-    trail: float = 5.0
+    path_length: float = 5.0
     """Length of the path whose scans make up a panorama (m)."""
-    between: float = 0.3
+    scan_spacing: float = 0.3
     """Approximate distance between the scans of a panorama (m)."""
     scans: int = 30
     """Largest number of scans in a panorama."""
@@ -109,20 +109,20 @@ class PanoramaConfig:
     """Smallest share of the circle that both profiles must know to be compared."""
     candidates: int = 8
     """Largest number of views that are aligned: those whose profiles differ least."""
-    factor: float = 1.6
+    candidate_ratio: float = 1.6
     """Largest profile difference of a view that is aligned, as a multiple of the smallest one."""
-    least: float = 0.4
+    min_score: float = 0.4
     """Smallest match score at which a view counts as seen."""
-    near: float = 1.6
+    max_distance: float = 1.6
     """Largest distance from the origin of a view's frame at which the view counts as seen (m)."""
-    sure: float = 0.6
+    min_alignment_score: float = 0.6
     """Smallest match score at which alignment with a view replaces the odometer's pose in it."""
-    slip: float = 0.1
+    max_deviation: float = 0.1
     """Largest difference from the odometer at which an alignment is accepted (rad; twice as many
-    m). `slip_share` of the motion is added."""
-    slip_share: float = 0.25
-    """Share of the motion since the last scan that is added to `slip`."""
-    elsewhere: float = 0.02
+    m). `max_deviation_share` of the motion is added."""
+    max_deviation_share: float = 0.25
+    """Share of the motion since the last scan that is added to `max_deviation`."""
+    new_place_weight: float = 0.02
     """Weight of the case that the robot is where no view was learned; a perfect match at the
     expected pose has weight 1. The larger it is, the longer it takes until views that match poorly,
     or lie far from the expected pose, re-localise the robot."""
@@ -136,12 +136,29 @@ class PanoramaConfig:
     """Growth of `turn_spread` with the distance driven since the view was last seen (rad/m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "reach", "trail", "near", "elsewhere", "spread", "turn_spread")
-        check_fields(self, NOT_NEGATIVE, "between", "slip", "slip_share", "drift", "turn_drift")
+        check_fields(
+            self,
+            POSITIVE,
+            "max_range",
+            "path_length",
+            "max_distance",
+            "new_place_weight",
+            "spread",
+            "turn_spread",
+        )
+        check_fields(
+            self,
+            NOT_NEGATIVE,
+            "scan_spacing",
+            "max_deviation",
+            "max_deviation_share",
+            "drift",
+            "turn_drift",
+        )
         check_fields(self, _FROM_TWO, "scans")
         check_fields(self, _FROM_ONE, "candidates")
-        check_fields(self, _AT_LEAST_ONE, "factor")
-        check_fields(self, SHARE, "overlap", "least", "sure")
+        check_fields(self, _AT_LEAST_ONE, "candidate_ratio")
+        check_fields(self, SHARE, "overlap", "min_score", "min_alignment_score")
         check_fields(self, _BINS, "bins")
         if DIRECTIONS % self.bins:
             expected = f"a divisor of {DIRECTIONS}, the directions of a panorama"
@@ -156,11 +173,11 @@ class ExperienceConfig:
     """r_a: radius of the zone in the plane of the pose cells (m)."""
     turn: float = math.radians(45.0)
     """θ_a: half the zone's width in θ' (rad)."""
-    either_zone: bool = False
+    position_or_heading: bool = False
     """Whether one zone, in (x', y') or in θ', is enough for an experience to be active, as eq. (9)
     literally says. If so, a scene that two places share, or a false scene, at once activates an
     experience far away."""
-    apart: float = 3.0
+    min_revisit_distance: float = 3.0
     """An experience is recognised if the robot has driven this far since it was last there (m)."""
     confirmations: int = 3
     """Number of known experiences that must be entered after a re-localisation, without another
@@ -173,14 +190,14 @@ class ExperienceConfig:
     spacing: float = 0.6
     """Smallest distance from the last experience at which a robot with a laser makes a new one
     while it still sees the last (m)."""
-    certain: float = 0.5
+    min_score: float = 0.5
     """Smallest match score at which a robot with a laser sees an experience."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius")
         check_fields(self, _ANGLE, "turn")
-        check_fields(self, NOT_NEGATIVE, "apart", "spacing")
-        check_fields(self, SHARE, "certain", "smoothing")
+        check_fields(self, NOT_NEGATIVE, "min_revisit_distance", "spacing")
+        check_fields(self, SHARE, "min_score", "smoothing")
         check_fields(self, COUNT, "confirmations")
 
 

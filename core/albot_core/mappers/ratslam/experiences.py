@@ -100,7 +100,7 @@ class ExperienceMap:
             (packet.x, packet.y, packet.heading),
             self._shape,
             self._zone,
-            self._config.either_zone,
+            self._config.position_or_heading,
         )
 
     def add(

@@ -56,12 +56,12 @@ class Scenes:
         if scene is None:
             self._unseen += 1
             self._seen = 0
-            return NO_VIEW if self._unseen >= self._config.forget else view
+            return NO_VIEW if self._unseen >= self._config.forget_after else view
         self._seen = self._seen + 1 if scene == self._candidate else 1
         self._candidate = scene
         self._unseen = 0 if scene == self._scene else self._unseen + 1
         if self._seen < self._config.confirmations:
-            return NO_VIEW if self._unseen >= self._config.forget else view
+            return NO_VIEW if self._unseen >= self._config.forget_after else view
         self._scene, self._unseen = scene, 0
         return self._views.setdefault(scene, len(self._views))
 

@@ -20,8 +20,8 @@ from albot_core.mappers.ratslam.local_views import Links
 from albot_core.mappers.ratslam.motions import motion_of
 from albot_core.mappers.ratslam.pose_cells import Packet, PoseCells
 from albot_core.mappers.ratslam.position import Position
-from albot_core.mappers.ratslam.sight import LaserSight, SceneSight, Sight
 from albot_core.mappers.ratslam.state import check_state
+from albot_core.mappers.ratslam.visual_input import LaserInput, SceneInput, VisualInput
 from albot_core.mappers.registry import mapper_spec
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
@@ -50,12 +50,12 @@ class RatSlam:
         self._cells, self._links = PoseCells(config.pose_cells), Links(config.views)
         self._position = Position(config)
         parts = config, self._cells, self._links, self._position
-        self._sight: Sight = (
-            LaserSight(*parts, name) if config.sees == "laser" else SceneSight(*parts)
+        self._input: VisualInput = (
+            LaserInput(*parts, name) if config.sees == "laser" else SceneInput(*parts)
         )
         self._log = EventLog()
         self._history = Table(place=(np.int64, ()), pose=(np.float64, (3,)))
-        self._parts = self._cells, self._links, self._position, self._sight, self._log
+        self._parts = self._cells, self._links, self._position, self._input, self._log
         self.reset(np.random.default_rng(0))
 
     @property
@@ -65,7 +65,7 @@ class RatSlam:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. Draws no random number."""
-        for part in (self._cells, self._links, self._position, self._sight):
+        for part in (self._cells, self._links, self._position, self._input):
             part.reset()
         self._log.clear()
         self._history.clear()
@@ -79,7 +79,7 @@ class RatSlam:
         """
         position, is_first = self._position, self._history.count == 0
         position.reading, updates = self._history.count, position.updates
-        self._sight.look(reading)
+        self._input.look(reading)
         if not is_first:
             position.integrate(motion_of(reading.motion.tolist()), reading.stamp)
         position.stamp = reading.stamp
@@ -99,7 +99,7 @@ class RatSlam:
         cells, position = self._cells, self._position
         position.iteration += 1
         expected, place = cells.packet, position.place
-        injected = self._sight.inject()
+        injected = self._input.inject()
         is_alive = cells.iterate(position.since, *injected)
         jump = cells.offset(expected.x, expected.y, expected.heading)
         off = relative(np.array(position.since), jump)
@@ -109,8 +109,8 @@ class RatSlam:
             self._links.forget_waiting()
         self._links.learn(position.way)
         if has_snapped:
-            position.begin_doubt()
-        self._sight.experience()
+            position.begin_verification()
+        self._input.experience()
         if has_snapped or not is_alive:
             self._log.add(
                 Event(

@@ -40,7 +40,7 @@ _TURNED = 0.5
 """A scan is also kept if the robot has turned this far since the last one (rad)."""
 
 
-class Sighting(NamedTuple):
+class ViewMatch(NamedTuple):
     """A view that is seen."""
 
     view: int
@@ -130,15 +130,15 @@ class Panoramas:
             way = float(scans["way"][scans.count - 1]) + math.hypot(motion[0], motion[1])
         if scans.count > 1:
             x, y, turn = scans["pose"][scans.count - 1] - scans["pose"][scans.count - 2]
-            if math.hypot(x, y) < config.between and abs(turn) < _TURNED:
+            if math.hypot(x, y) < config.scan_spacing and abs(turn) < _TURNED:
                 scans.count -= 1
-        past = int((scans.rows("way") < way - config.trail).sum())
+        past = int((scans.rows("way") < way - config.path_length).sum())
         past = max(past, scans.count + 1 - config.scans)
         if past > 0:
             for name in ("pose", "way", "count", "points"):
                 scans[name][: scans.count - past] = scans[name][past : scans.count].copy()
             scans.count -= past
-        ranges = np.minimum(laser.ranges, 2 * config.reach)[:, np.newaxis]
+        ranges = np.minimum(laser.ranges, 2 * config.max_range)[:, np.newaxis]
         points = np.asarray(laser.geometry.mount[:2]) + ranges * laser.geometry.directions
         points = points[:: -(-len(points) // BEAMS)]
         padded = np.zeros((BEAMS, 2))
@@ -153,18 +153,18 @@ class Panoramas:
             (scans.rows("points"), scans.rows("count"), scans.rows("pose")),
             first,
             scans["pose"][scans.count - 1],
-            config.reach,
+            config.max_range,
             self._seen,
             points,
             (np.empty(DIRECTIONS), np.empty((DIRECTIONS, 2))),
         )
-        ranges[:] = np.where(self._seen < config.reach, self._seen, 0.0)
+        ranges[:] = np.where(self._seen < config.max_range, self._seen, 0.0)
 
     def _complete(self) -> None:
         """Make the present panorama from all scans that are kept."""
         self._fill(0)
         fill_normals(*self._surface)
-        fill_profile(self._seen, self._config.reach, _FINEST, self._profile, self._known)
+        fill_profile(self._seen, self._config.max_range, _FINEST, self._profile, self._known)
 
     def _align_scan(self, motion: Motion, view: int, offset: Motion) -> Motion:
         """Return the motion, first aligned with the last panorama, then with the view.
@@ -175,14 +175,14 @@ class Panoramas:
         step = math.hypot(motion[0], motion[1]) + abs(motion[2])
         guess = motion
         pose, score = _match(self._surface, self._previous, motion)
-        near = _near(guess, pose, config.slip + config.slip_share * step)
-        if near is not None and score >= config.least:
-            guess, slip = near, config.slip / 2
+        near = _near(guess, pose, config.max_deviation + config.max_deviation_share * step)
+        if near is not None and score >= config.min_score:
+            guess, slip = near, config.max_deviation / 2
         else:
-            slip = config.slip + config.slip_share * step
+            slip = config.max_deviation + config.max_deviation_share * step
         pose, score = _match(self._surface, self._template(view), after(offset, guess))
         near = _near(guess, beyond(offset, pose), slip)
-        return near if near is not None and score >= config.sure else guess
+        return near if near is not None and score >= config.min_alignment_score else guess
 
     def _amend(self, motion: Motion, moved: Motion) -> None:
         """Correct the last scan's pose: the robot moved by `moved` instead of `motion`."""
@@ -199,22 +199,25 @@ class Panoramas:
             ranges=ranges, points=points, normals=normals, profile=self._profile, known=self._known
         )
 
-    def sightings(
+    def matched_views(
         self, expected: Collection[tuple[int, Motion]], usable: Bool[np.ndarray, "views"]
-    ) -> list[Sighting]:
+    ) -> list[ViewMatch]:
         """Return the views that are seen, each once.
 
         Args:
             expected: Views that should be in sight, and the robot's poses in their frames.
             usable: Which of all views are searched, wherever the robot may be.
         """
-        best: dict[int, Sighting] = {}
+        best: dict[int, ViewMatch] = {}
         for view, guess in (*expected, *self._propose(usable)):
             offset, score = _match(self._surface, self._template(view), guess)
-            if score < self._config.least or math.hypot(*offset[:2]) > self._config.near:
+            if (
+                score < self._config.min_score
+                or math.hypot(*offset[:2]) > self._config.max_distance
+            ):
                 continue
             if view not in best or score > best[view].score:
-                best[view] = Sighting(view, offset, score)
+                best[view] = ViewMatch(view, offset, score)
         return list(best.values())
 
     def _propose(self, usable: Bool[np.ndarray, "views"]) -> list[tuple[int, Motion]]:
@@ -233,7 +236,7 @@ class Panoramas:
         )
         differences[~usable] = np.inf
         order = np.argsort(differences[:, 0])[: config.candidates]
-        most = config.factor * differences[order[0], 0]
+        most = config.candidate_ratio * differences[order[0], 0]
         return [
             (int(view), (0.0, 0.0, 2 * math.pi / config.bins * float(turns[view, k])))
             for view in order

@@ -15,11 +15,11 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
-from albot_core.mappers.ratslam.doubt import Doubt, Transition
 from albot_core.mappers.ratslam.experiences import SCENE_TURN, ExperienceMap
 from albot_core.mappers.ratslam.local_views import NO_VIEW
 from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of, nearest_turn
 from albot_core.mappers.ratslam.pose_cells import Packet
+from albot_core.mappers.ratslam.verification import Transition, Verification
 from albot_core.mappers.ratslam.winding import HeadingBias
 
 
@@ -35,7 +35,7 @@ class Position:
         self.map = ExperienceMap(config.experiences, config.pose_cells, config.correction)
         self.visits = Table(place=(np.int64, ()))
         """The experiences that the robot was in, in order."""
-        self._bias, self._doubt = HeadingBias(), Doubt()
+        self._bias, self._verification = HeadingBias(), Verification()
         self.reset()
 
     def reset(self) -> None:
@@ -43,7 +43,7 @@ class Position:
         for part in (self.map, self.visits):
             part.clear()
         self._bias.reset()
-        self._doubt.reset()
+        self._verification.reset()
         self.stamp = self._left_at = 0.0
         self.way = 0.0
         """Distance driven (m)."""
@@ -71,7 +71,7 @@ class Position:
         self.way += way
         self.since = after(self.since, motion)
         self.here = after(self.here, motion)
-        self._doubt.integrate(motion)
+        self._verification.integrate(motion)
 
     @property
     def believed(self) -> Pose:
@@ -81,10 +81,10 @@ class Position:
         return compose(self.map.poses[self.place], np.array(self.here))
 
     def add(self, view: int, packet: Packet) -> int:
-        """Make an experience at the robot's pose, which is by odometry alone while in doubt."""
-        doubt, base, pose = self._doubt, self.place, self.here
-        if doubt.anchor >= 0:
-            base, pose = doubt.anchor, doubt.since
+        """Make an experience at the robot's pose, by odometry alone if one is pending."""
+        verification, base, pose = self._verification, self.place, self.here
+        if verification.anchor >= 0:
+            base, pose = verification.anchor, verification.from_anchor
         if base >= 0:
             pose = after(motion_of(self.map.poses[base].tolist()), pose)
         self.updates += 1
@@ -103,7 +103,7 @@ class Position:
             is_new: Whether it was just made.
         """
         table, config = self.map.experiences, self._config.experiences
-        is_earlier = self.way - table["way"][experience] >= config.apart
+        is_earlier = self.way - table["way"][experience] >= config.min_revisit_distance
         recognised = is_earlier and not is_new
         self.matched = int(table["reading"][experience]) if recognised else -1
         if self.place >= 0:
@@ -112,12 +112,12 @@ class Position:
             # The errors of the robot's poses in both experiences add up in the motion.
             spread = self._variance + variance
             transition = Transition(self.place, experience, motion, time, spread, steps)
-            for each in self._doubt.take(
+            for each in self._verification.process(
                 transition, self.stamp, self.iteration, config.confirmations, is_new=is_new
             ):
                 self._connect(each)
         if not is_new:
-            self._doubt.enter(experience, offset)
+            self._verification.enter(experience, offset)
         table["way"][experience] = self.way
         self.place, self.here, self._variance = experience, offset, variance
         self._left_at, self._left_in = self.stamp, self.iteration
@@ -125,30 +125,32 @@ class Position:
         self.version += 1
 
     def check(self, experience: int, offset: Motion) -> None:
-        """Doubt a known experience that lies far from where the robot is believed to be.
+        """Verify a known experience that lies far from where the robot is believed to be.
 
         Two places may share a scene and pose cells. Then the robot seems to visit the other place
         without being re-localised. So if the map puts the experience far from the believed pose,
-        it is doubted like a re-localisation. If the robot was in doubt already, the experience is
-        compared with the doubtful poses before it. If it is far from these, they were false; if it
-        is near the pose by odometry from the anchor, the doubt ends.
+        it is verified like a re-localisation. If one is pending already, the experience is
+        compared with the pending poses before it. If it is far from these, they were false; if it
+        is near the pose by odometry from the anchor, nothing is pending.
 
         Args:
             experience: The experience that the robot is about to enter.
             offset: The robot's pose in its frame by the view.
         """
-        doubt = self._doubt
+        verification = self._verification
         if not self._config.experiences.confirmations:
             return
-        if doubt.anchor < 0:
+        if verification.anchor < 0:
             if self._is_far(experience, offset, self.believed):
-                self.begin_doubt()
-        elif doubt.hypothesis >= 0:
-            pose = compose(self.map.poses[doubt.hypothesis], np.array(doubt.beyond))
+                self.begin_verification()
+        elif verification.hypothesis >= 0:
+            pose = compose(
+                self.map.poses[verification.hypothesis], np.array(verification.from_hypothesis)
+            )
             if self._is_far(experience, offset, pose):
-                self.begin_doubt()
+                self.begin_verification()
                 if not self._is_far(experience, offset, self.believed):
-                    doubt.reset()
+                    verification.reset()
 
     def _is_far(self, experience: int, offset: Motion, pose: Pose) -> bool:
         """Return whether a pose by a view is outside the zone round another pose in the map."""
@@ -162,7 +164,7 @@ class Position:
         This is the weighted mean of the pose by the view and the pose by map and odometry. The
         weight of the view falls from 1 at a re-localisation to 1/2, 1/3 and so on, as in a Kalman
         filter whose measurements have equal variances; it falls less where the odometer's bias adds
-        much turn in between. While a re-localisation is in doubt, and if both poses are far apart,
+        much turn in between. While a re-localisation is pending, and if both poses are far apart,
         only the view is believed.
 
         Args:
@@ -173,8 +175,10 @@ class Position:
             The pose, and its variance as a share of that of a pose by one scene, which is the
             weight of the view.
         """
-        in_doubt = self._doubt.anchor >= 0 or self._is_far(experience, offset, self.believed)
-        if in_doubt or self._weight == 0.0:
+        is_pending = self._verification.anchor >= 0 or self._is_far(
+            experience, offset, self.believed
+        )
+        if is_pending or self._weight == 0.0:
             self._weight = 1.0
             return offset, 1.0
         expected = relative(self.map.poses[experience], self.believed)
@@ -185,17 +189,17 @@ class Position:
         change = np.array((x, y, nearest_turn(turn)))
         return motion_of((expected + self._weight * change).tolist()), self._weight
 
-    def begin_doubt(self) -> None:
-        """Begin to doubt a re-localisation; if one is in doubt already, go back to its anchor."""
-        doubt = self._doubt
+    def begin_verification(self) -> None:
+        """Begin to verify a re-localisation; if one is pending already, go back to its anchor."""
+        verification = self._verification
         if self.place < 0 or not self._config.experiences.confirmations:
             return
-        if doubt.anchor >= 0:
-            self.place, self.here = doubt.anchor, doubt.since
-            self._variance = doubt.variance
-            self._left_at, self._left_in = doubt.left_at, doubt.left_in
+        if verification.anchor >= 0:
+            self.place, self.here = verification.anchor, verification.from_anchor
+            self._variance = verification.variance
+            self._left_at, self._left_in = verification.left_at, verification.left_in
         left = self._left_at, self._left_in
-        doubt.begin(self.place, self.here, self._variance, *left, self.map.count)
+        verification.begin(self.place, self.here, self._variance, *left, self.map.count)
 
     def _connect(self, transition: Transition) -> None:
         """Learn a transition."""
@@ -214,7 +218,7 @@ class Position:
             "counts": np.array(counts, np.int64),
             "numbers": np.array((*numbers, *self.since, *self.here)),
         }
-        for part in (self._bias, self.map, self._doubt):
+        for part in (self._bias, self.map, self._verification):
             own |= part.state()
         return own | self.visits.state("visits")
 
@@ -225,7 +229,7 @@ class Position:
         self.stamp, self._left_at, self.way, *rest = state["numbers"].tolist()
         self._variance, self._weight, *motions = rest
         self.since, self.here = motion_of(motions[:3]), motion_of(motions[3:])
-        for part in (self._bias, self.map, self._doubt):
+        for part in (self._bias, self.map, self._verification):
             part.restore(state)
         self.visits.restore("visits", state)
         self.reading = len(state["history.place"])

@@ -21,14 +21,14 @@ _FINITE = (
     "templates.ranges", "templates.points", "templates.normals", "links.strength",
     "views.freshness", "waiting_numbers", "bias.ways", "events.jump", "events.turn",
     "experiences.pose", "experiences.shown", "experiences.cell", "experiences.turn",
-    "experiences.way", "doubt.numbers", "doubted.motion", "doubted.time", "transitions.motion",
-    "transitions.time", "transitions.stiffness", "transitions.weight", "transitions.most",
-    "doubted.variance", "scenes.since_sight",
+    "experiences.way", "verification.numbers", "pending.motion", "pending.time",
+    "pending.variance", "transitions.motion", "transitions.time", "transitions.stiffness",
+    "transitions.weight", "transitions.most", "scenes.since_onset",
 )  # fmt: skip
 _NOT_NEGATIVE = (
     "activity", "links.strength", "views.freshness", "bias.ways", "transitions.time",
     "transitions.stiffness", "transitions.weight", "transitions.most", "experiences.time",
-    "doubted.variance", "experiences.length", "doubted.time",
+    "pending.variance", "experiences.length", "pending.time",
     "templates.ranges", "templates.profile",
 )  # fmt: skip
 
@@ -85,15 +85,15 @@ def check_state(
     _check_within(state, "transitions.source", 0, experiences)
     _check_within(state, "transitions.target", 0, experiences)
     _check_within(state, "transitions.ends", -1, 2 * np.arange(transitions)[:, None])
-    _check_doubt(state, experiences)
+    _check_verification(state, experiences)
     _check_tree(state)
     if not _all_end(state["experiences.onward"]):
         raise InputError("experiences.onward", "ways that end", "one that runs in a circle")
 
 
 _WHOLE = (
-    "counts", "numbers", "packet", "scenes.counts", "scenes.since_sight", "bias.ways",
-    "doubt.counts", "doubt.numbers",
+    "counts", "numbers", "packet", "scenes.counts", "scenes.since_onset", "bias.ways",
+    "verification.counts", "verification.numbers",
 )  # fmt: skip
 """Arrays whose lengths are fixed."""
 _COUNTED = (
@@ -136,8 +136,8 @@ def _check_counts(
         raise InputError("counts", expected, str(state["counts"].tolist()))
 
 
-def _check_doubt(state: Mapping[str, np.ndarray], experiences: int) -> None:
-    anchor, hypothesis, left_in, known = state["doubt.counts"].tolist()
+def _check_verification(state: Mapping[str, np.ndarray], experiences: int) -> None:
+    anchor, hypothesis, left_in, known = state["verification.counts"].tolist()
     if not (
         -1 <= anchor < experiences
         and -1 <= hypothesis < experiences
@@ -145,10 +145,12 @@ def _check_doubt(state: Mapping[str, np.ndarray], experiences: int) -> None:
         and left_in >= 0
     ):
         expected = "two experiences, an iteration and a count of this map"
-        raise InputError("doubt.counts", expected, str(state["doubt.counts"].tolist()))
-    _check_within(state, "doubted.source", 0, experiences)
-    _check_within(state, "doubted.target", 0, experiences)
-    _check_within(state, "doubted.steps", 1, np.iinfo(np.int64).max)
+        raise InputError(
+            "verification.counts", expected, str(state["verification.counts"].tolist())
+        )
+    _check_within(state, "pending.source", 0, experiences)
+    _check_within(state, "pending.target", 0, experiences)
+    _check_within(state, "pending.steps", 1, np.iinfo(np.int64).max)
 
 
 def _check_tree(state: Mapping[str, np.ndarray]) -> None:

@@ -79,7 +79,8 @@ class Walker:
     def looks(self, reobserved: np.ndarray) -> bool:
         """So many walls of each earlier visit are met."""
         counts = np.stack((reobserved, candidate_gates(self.network, self.pose())), -1)
-        return recognize_place(self.network, self.step, counts, self.seen(), self.pose())
+        no_exits = np.empty((0, 4))
+        return recognize_place(self.network, self.step, counts, self.seen(), no_exits, self.pose())
 
 
 def led(rooms: list[Room], config: PlacesConfig | None = None) -> Walker:

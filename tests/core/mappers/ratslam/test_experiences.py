@@ -31,14 +31,14 @@ def energy(cell, packet, config: ExperienceConfig) -> float:
     turn = apart[2] * CELLS.cell_turn
     near, aligned = max(0.0, 1 - r / config.radius), max(0.0, 1 - turn / config.turn)
     both = near > 0 and aligned > 0
-    return near + aligned if both or config.either_zone else 0.0
+    return near + aligned if both or config.position_or_heading else 0.0
 
 
 @pytest.mark.parametrize("either", [False, True])
 def test_the_experience_with_the_most_energy_is_active(either):
     rng = np.random.default_rng(0)
-    config = ExperienceConfig(either_zone=either)
-    world = new_map(either_zone=either)
+    config = ExperienceConfig(position_or_heading=either)
+    world = new_map(position_or_heading=either)
     places = rng.uniform(0, (64, 64, 36), (200, 3))
     views = rng.integers(0, 3, 200)
     for k, place in enumerate(places):

@@ -25,7 +25,7 @@ def test_a_scene_is_believed_when_it_is_seen_again():
 
 
 def test_a_scene_that_is_not_seen_any_more_is_forgotten():
-    config = LocalViewConfig(forget=3)
+    config = LocalViewConfig(forget_after=3)
     assert look(Scenes(config), [7, 7, None, None, None, None]) == [-1, 0, 0, 0, -1, -1]
     assert look(Scenes(config), [7, 7, 1, 2, 3, 4]) == [-1, 0, 0, 0, -1, -1]
     assert look(Scenes(config), [None] * 5) == [NO_VIEW] * 5

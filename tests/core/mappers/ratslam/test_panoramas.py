@@ -59,7 +59,7 @@ def test_motions_are_composed_and_taken_apart(first, last):
 def test_a_square_room_is_one_view_at_every_heading(degrees):
     heading = np.radians(degrees)
     panoramas = spin((0.0, 0.0), heading, known=home())
-    (seen,) = panoramas.sightings((), np.ones(1, np.bool_))
+    (seen,) = panoramas.matched_views((), np.ones(1, np.bool_))
     assert seen.view == 0
     assert seen.score > 0.95
     np.testing.assert_allclose(seen.offset[:2], 0.0, atol=0.02)
@@ -72,13 +72,13 @@ def test_a_square_room_is_one_view_at_every_heading(degrees):
 def test_a_view_tells_where_the_robot_is_in_it(x, y, heading):
     panoramas = spin((x, y), heading, CORRIDOR, home(CORRIDOR))
     guess = (x + 0.2, y - 0.2, heading + 0.1)
-    (seen,) = panoramas.sightings([(0, guess)], np.zeros(1, np.bool_))
+    (seen,) = panoramas.matched_views([(0, guess)], np.zeros(1, np.bool_))
     np.testing.assert_allclose(seen.offset, (x, y, heading), atol=0.05)
 
 
 def test_another_room_is_not_that_view():
     panoramas = spin((5.0, 0.0), 0.0, CORRIDOR, home())
-    assert panoramas.sightings((), np.ones(1, np.bool_)) == []
+    assert panoramas.matched_views((), np.ones(1, np.bool_)) == []
 
 
 def test_profiles_are_compared_over_all_turns():
@@ -113,7 +113,7 @@ def test_the_odometer_is_set_right_by_what_is_seen():
     np.testing.assert_allclose(moved, (0.3, 0.1, 0.2), atol=0.01)
     np.testing.assert_allclose(offset, moved, atol=1e-9)
     # What is seen is not believed where it is far from what the odometer says.
-    far = config.slip + config.slip_share
+    far = config.max_deviation + config.max_deviation_share
     motion = (0.3, 0.1, 0.2 + 1.6 * far)
     assert home(CORRIDOR).look(laser, motion, 0, NOWHERE)[0] == motion
 

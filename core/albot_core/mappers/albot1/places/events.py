@@ -29,7 +29,7 @@ SEEN_THROUGH_EXIT = -1
 """A gate: a candidate without any re-observed surface, for it was one before the last exit."""
 STANDS_WITHIN = -2
 """A gate: a candidate without any, for the robot seems to stand within the place."""
-EVENT_COLUMNS = 11
+EVENT_COLUMNS = 16
 """Numbers of an event: see the fields of `Event`."""
 
 
@@ -59,6 +59,13 @@ class Event:
     """Which share of the smaller description they make up."""
     gap: float = 0.0
     """For an exit that was known: how far it was from where it was expected (m)."""
+    nearest_in_sight: float = 0.0
+    """For places whose structure matches: what was weighed, this and the next (`Evidence`)."""
+    visit_in_sight: float = 0.0
+    misfit: float = 0.0
+    through_doorway: float = 0.0
+    probability: float = 0.0
+    """How probable it is that they are one; 0 where it was not asked."""
 
     def row(self) -> Float64[np.ndarray, "columns"]:
         """The event as numbers."""
@@ -68,7 +75,7 @@ class Event:
     def of_row(cls, row: Float64[np.ndarray, "columns"]) -> Event:
         """The event that `row` gave."""
         whole = [int(number) for number in row[:9]]
-        fields = dict(zip(_FIELDS, [*whole, float(row[9]), float(row[10])], strict=True))
+        fields = dict(zip(_FIELDS, [*whole, *map(float, row[9:])], strict=True))
         fields["kind"] = EventKind(whole[1])
         return cls(**fields)  # type: ignore[arg-type]
 
@@ -85,12 +92,21 @@ class Event:
             return f"the robot seemed to stand within {other}"
         return f"{self.reobserved} surfaces of {other} were met again, more than {self.gate}"
 
-    def _told(self) -> str:
-        place, other, reason = f"P{self.place + 1}", f"P{self.other + 1}", self._reason()
+    def _structure(self) -> str:
+        """How the two places match."""
         structure = (
             f"{self.matches} surfaces are the same ({self.left} to the left, {self.right} to "
             f"the right, {self.share:.0%} of the smaller description)"
         )
+        if self.through_doorway:
+            return f"{structure}, seen from both sides of a doorway"
+        if self.probability:
+            return f"{structure}, with a probability of {self.probability:.0%}"
+        return structure
+
+    def _told(self) -> str:
+        place, other, reason = f"P{self.place + 1}", f"P{self.other + 1}", self._reason()
+        structure = self._structure()
         match self.kind:
             case EventKind.SET_OUT:
                 return f"set out in {place}"
@@ -144,8 +160,9 @@ class EventLog:
         found: LineMatch,
         reobserved: int = 0,
         gate: int = 0,
+        **weighed: float,
     ) -> None:
-        """Add that two places were compared, and how they matched."""
+        """Add that two places were compared, how they matched, and what was weighed, if it was."""
         self.add(
             Event(
                 step=step,
@@ -157,7 +174,7 @@ class EventLog:
                 matches=found.matches,
                 left=found.left,
                 right=found.right,
-                share=found.share,
+                **({"share": found.share} | weighed),
             )
         )
 

@@ -7,25 +7,17 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int32
 
-from albot_core.geometry.poses import compose, inverse, relative, transform_segments
+from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
-from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
 from albot_core.mappers.albot1.places.events import SEEN_THROUGH_EXIT, STANDS_WITHIN, EventKind
-from albot_core.mappers.albot1.places.exits import crosses_line
+from albot_core.mappers.albot1.places.evidence import Evidence, weigh
 from albot_core.mappers.albot1.places.merging import merge_here
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import LearnedPlace, in_frame
+from albot_core.mappers.albot1.places.place import LearnedPlace, Lines
 from albot_core.matching.lines import LineMatch, match_lines
 
-UNMISTAKABLE = 0.6
-"""A place that matches with this share of the smaller description is not its neighbour, though the
-robot be where it has not been in it: a large room has corners out of sight of each other."""
-CRUMBS_IN_SIGHT = 5
-"""So many of the breadcrumbs in a place, the nearest to the robot, are to be in its sight…"""
-MIN_IN_SIGHT = 0.8
-"""…or this share of them: one may be hidden by a wall that the map has twice."""
 DOORSTEP = 5.0
 """A robot no farther from where it entered a place has just come in (m)."""
 
@@ -35,6 +27,7 @@ def recognize_place(
     step: int,
     reobserved: Int32[np.ndarray, "visits 2"],
     seen: Segments,
+    exits: Lines,
     pose: Pose,
 ) -> bool:
     """Compare the present place with the candidates, the likeliest first (algorithms 6 and 8).
@@ -45,6 +38,7 @@ def recognize_place(
         reobserved: How many surfaces of each visit were observed again in the present one, and
             its gate (see `candidate_gates`).
         seen: The surfaces of the map that were seen in the present visit (m).
+        exits: The exits that the robot remembers to have seen, in the map's frame (m).
         pose: Where the robot is in the map.
 
     Returns:
@@ -70,14 +64,14 @@ def recognize_place(
         match = match_lines(seen, other.surfaces, guess, pose, config)
         if by_position and match.matches == 0:
             continue  # It stands within many: that it is in none of them is not worth an event.
-        accepted = (
-            _is_confirmed(network, match, other, pose)
-            and (not by_position or match.share >= network.config.min_share_here)
-            and (match.share >= UNMISTAKABLE or _is_in_sight(network, match, other, seen, pose))
-        )
+        evidence = None
+        if network.config.min_probability > 0.0 and _has_structure(match, network.config):
+            evidence = weigh(network, match, other, guess, seen, exits, pose)
+        accepted = _is_same(network, match, other, evidence, by_position, pose)
         kind = EventKind.RECOGNIZED if accepted else EventKind.REFUSED
+        weighed = {} if evidence is None else evidence.weighed
         network.log.add_comparison(
-            step, kind, network.current, other.id, match, int(counts[visit]), gate
+            step, kind, network.current, other.id, match, int(counts[visit]), gate, **weighed
         )
         if accepted:  # Alg. 8, lines 12 and 13
             frame = _aligned(network, guess, match, seen, other, pose)
@@ -139,54 +133,38 @@ def _candidates(
     return [v for v in ordered if reobserved[v] > 0 or last[network.visits[v]] == v]
 
 
-def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
-    """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot.
+def _is_same(
+    network: PlaceNetwork,
+    match: LineMatch,
+    place: LearnedPlace,
+    evidence: Evidence | None,
+    by_position: bool,
+    pose: Pose,
+) -> bool:
+    """Whether the present place is another: by the evidence, where it was weighed."""
+    config = network.config
+    if evidence is not None:
+        return evidence.probability >= config.min_probability
+    least = config.min_share_here if by_position else config.min_share
+    return match.share >= least and _is_confirmed(network, match, place, pose)
 
-    A place's description holds what is seen through its exits. So we ask as well that
-    the robot would stand within the place: otherwise it may be next door.
+
+def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
+    """Algorithm 6, and the robot would stand within the place.
+
+    A place's description holds what is seen through its exits. So it may be next door otherwise.
     """
     config = network.config
-    return place.holds(relative(match.pose, pose)[:2]) and (
-        match.matches > config.min_matches
-        and min(match.left, match.right) > 0
+    return (
+        _has_structure(match, config)
         and match.share >= config.min_share
+        and place.holds(relative(match.pose, pose)[:2])
     )
 
 
-def _is_in_sight(
-    network: PlaceNetwork, match: LineMatch, place: LearnedPlace, seen: Segments, pose: Pose
-) -> bool:
-    """Whether the robot stands in sight of where it has been in a place, as the match lays it.
-
-    This is ours. Two rooms side by side share walls, and from a doorway both are seen. So a place
-    next door matches as well, and just where it is expected. But there a wall or an exit lies
-    between the robot and the breadcrumbs that it dropped in that place. Those nearest to it count.
-    """
-    if not network.config.expects_drift:
-        return True
-    crumbs = network.breadcrumbs
-    here = compose(place.frame, relative(match.pose, pose))[:2]
-    points = crumbs.points[crumbs.places == place.id]
-    nearest = np.argsort(np.hypot(*(points - here).T), kind="stable")[:CRUMBS_IN_SIGHT]
-    own = [*place.surfaces, *(door.line for door in place.exits)]
-    mine = [*seen, *network.predicted_exits]
-    lines = np.concatenate(
-        (np.reshape(own, (-1, 4)), in_frame(match.pose, np.reshape(mine, (-1, 4))))
-    )
-    between = transform_segments(place.frame, lines)
-    return count_in_sight(between, here, points[nearest]) >= MIN_IN_SIGHT * len(nearest)
-
-
-@kernel(arrays=True)
-def count_in_sight(lines: np.ndarray, here: np.ndarray, points: np.ndarray) -> int:
-    """How many of the points (n, 2) are seen from `here`, with no line (m, 4) before them."""
-    count = 0
-    for point in points:
-        hidden = False
-        for line in lines:
-            hidden = hidden or crosses_line(line, here[0], here[1], point[0], point[1])
-        count += not hidden
-    return count
+def _has_structure(match: LineMatch, config: PlacesConfig) -> bool:
+    """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot."""
+    return match.matches > config.min_matches and min(match.left, match.right) > 0
 
 
 def _aligned(

@@ -63,6 +63,18 @@ def test_a_place_may_be_a_candidate_for_where_it_is(needed, why):
     assert f"P3 is not taken for P5: {why}, but only 0 surfaces" in str(event)
 
 
+@pytest.mark.parametrize(
+    ("weighed", "told"),
+    [
+        ({"probability": 0.934}, "of the smaller description), with a probability of 93%"),
+        ({"through_doorway": 1.0}, "description), seen from both sides of a doorway"),
+    ],
+)
+def test_what_was_weighed_is_told(weighed, told):
+    event = Event(step=7, kind=EventKind.RECOGNIZED, place=2, other=4, **weighed)
+    assert str(event).endswith(told)
+
+
 counts = st.integers(0, 2**31)
 
 
@@ -80,6 +92,11 @@ counts = st.integers(0, 2**31)
         right=counts,
         share=st.floats(0, 1),
         gap=st.floats(0, 1e6),
+        nearest_in_sight=st.floats(0, 1),
+        visit_in_sight=st.floats(0, 1),
+        misfit=st.floats(0, 9),
+        through_doorway=st.sampled_from((0.0, 1.0)),
+        probability=st.floats(0, 1),
     )
 )
 def test_an_event_is_its_row(event):

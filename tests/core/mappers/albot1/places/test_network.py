@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,12 +9,11 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
-from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
-from albot_core.mappers.albot1.places.recognition import count_in_sight, relocalise
+from albot_core.mappers.albot1.places.recognition import relocalise
 from tests.core.mappers.albot1.building import (
     RING,
     SIDE,
@@ -110,37 +107,6 @@ def test_a_room_of_other_structure_is_refused():
     assert not walker.recognize()
     assert walker.network.log.events[-1].kind == EventKind.REFUSED
     assert walker.network.snapshot().links == before.links
-
-
-@pytest.mark.parametrize(
-    ("wall", "known_walls", "config", "known"),
-    [
-        (False, 5, PlacesConfig(), True),
-        (True, 5, PlacesConfig(), False),
-        (True, 5, replace(PlacesConfig(), expects_drift=False), True),
-        (True, 10, PlacesConfig(), True),  # All is as it was: that is no other place.
-    ],
-)
-def test_a_place_is_recognised_only_in_sight_of_where_the_robot_has_been_in_it(
-    wall, known_walls, config, known
-):
-    walker = led(RING, config)
-    place, crumbs = walker.network.places[0], walker.network.breadcrumbs
-    crumbs.move(crumbs.places == 0, np.array([0.5, 0.0, 0.0]), None)
-    place.surfaces = place.surfaces.copy()
-    place.surfaces[known_walls:] += 20.0
-    if wall:
-        place.surfaces = np.concatenate((place.surfaces, [[0.25, -0.2, 0.25, 0.2]]))
-    assert walker.recognize() == known
-    kind = EventKind.RECOGNIZED if known else EventKind.REFUSED
-    assert walker.network.log.events[-1].kind == kind
-
-
-def test_what_stands_before_a_point_hides_it():
-    lines = np.array([[1.0, -1.0, 1.0, 1.0], [-2.0, -3.0, 2.0, -3.0]])
-    points = np.array([[0.5, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, -4.0]])
-    assert count_in_sight(lines, np.zeros(2), points) == 2
-    assert count_in_sight(lines[:0], np.zeros(2), points) == 4
 
 
 def test_drift_is_taken_out_where_a_place_is_recognised():

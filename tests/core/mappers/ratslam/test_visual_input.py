@@ -7,17 +7,17 @@ import pytest
 
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.local_views import Links
-from albot_core.mappers.ratslam.panoramas import Sighting
+from albot_core.mappers.ratslam.panoramas import ViewMatch
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
-from albot_core.mappers.ratslam.sight import LaserSight, SceneSight
+from albot_core.mappers.ratslam.visual_input import LaserInput, SceneInput
 from albot_core.sensing.reading import Reading
 
 CONFIG = RatSlamConfig()
 HERE = (0.0, 0.0, 0.0)
 
 
-def injected(monkeypatch: pytest.MonkeyPatch, *sightings: Sighting) -> list[float]:
+def injected(monkeypatch: pytest.MonkeyPatch, *matches: ViewMatch) -> list[float]:
     """What each view injects; views 0 and 1 lie 10 m apart, the robot is in the first."""
     cells, links, position = PoseCells(CONFIG.pose_cells), Links(CONFIG.views), Position(CONFIG)
     for view, x in enumerate((0.0, 10.0)):
@@ -28,17 +28,17 @@ def injected(monkeypatch: pytest.MonkeyPatch, *sightings: Sighting) -> list[floa
     position.place, position.here, position.since = 0, HERE, HERE
     position.way = 10.0
     links.learn(CONFIG.views.learning_delay + 1.0)
-    sight = LaserSight(CONFIG, cells, links, position, "ratslam")
-    monkeypatch.setattr(sight, "_compare", lambda: sightings)
-    return [float(amount) for amount in sight.inject()[1]]
+    visual = LaserInput(CONFIG, cells, links, position, "ratslam")
+    monkeypatch.setattr(visual, "_compare", lambda: matches)
+    return [float(amount) for amount in visual.inject()[1]]
 
 
 def test_one_view_alone_injects_nearly_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Even one that matches poorly, where the robot is expected."""
     poor = 0.5
-    match = (poor - CONFIG.panoramas.least) / (1 - CONFIG.panoramas.least)
-    share = match / (match + CONFIG.panoramas.elsewhere)
-    found = injected(monkeypatch, Sighting(0, HERE, poor))
+    match = (poor - CONFIG.panoramas.min_score) / (1 - CONFIG.panoramas.min_score)
+    share = match / (match + CONFIG.panoramas.new_place_weight)
+    found = injected(monkeypatch, ViewMatch(0, HERE, poor))
     assert share > 0.85
     assert found == pytest.approx([share * CONFIG.views.injection])
 
@@ -46,14 +46,14 @@ def test_one_view_alone_injects_nearly_all(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_view_that_the_odometer_rules_out_injects_hardly_any(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = injected(monkeypatch, Sighting(1, HERE, 1.0))
+    found = injected(monkeypatch, ViewMatch(1, HERE, 1.0))
     assert found[0] < 1e-6 * CONFIG.views.injection
 
 
 def test_two_views_share_by_how_well_they_match(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one says that the robot is 10 m behind its origin: where it is believed."""
-    found = injected(monkeypatch, Sighting(0, HERE, 1.0), Sighting(1, (-10.0, 0.0, 0.0), 0.7))
-    total = 1.5 + CONFIG.panoramas.elsewhere
+    found = injected(monkeypatch, ViewMatch(0, HERE, 1.0), ViewMatch(1, (-10.0, 0.0, 0.0), 0.7))
+    total = 1.5 + CONFIG.panoramas.new_place_weight
     injection = CONFIG.views.injection
     assert found == pytest.approx([injection / total, 0.5 * injection / total])
 
@@ -62,21 +62,21 @@ def test_a_scene_injects_where_the_robot_has_come_since_it_came_into_sight() -> 
     """Its link leads to one cell; the robot drives on along x', a cell per iteration."""
     config = RatSlamConfig.scenes()
     cells, links, position = PoseCells(config.pose_cells), Links(config.views), Position(config)
-    sight = SceneSight(config, cells, links, position)
+    visual = SceneInput(config, cells, links, position)
     cell = int(cells.cells[0])
     links.remember(0, np.array((cell,)), np.ones(1), 0.0)
     links.learn(config.views.learning_delay + 1.0)
     reading = Reading(stamp=0.0, motion=np.zeros(3), scene=7)
     injected = []
     for _ in range(3):
-        sight.look(reading)
-        sight.look(reading)
+        visual.look(reading)
+        visual.look(reading)
         position.since = (0.25, 0.0, 0.0)
-        injected.append(sight.inject()[0].tolist())
+        injected.append(visual.inject()[0].tolist())
         position.iteration += 1
     assert injected == [[cell], [cell + 1], [cell + 2]]
-    other = SceneSight(config, cells, links, position)
-    other.restore(sight.state())
-    for each in (other, sight):
+    other = SceneInput(config, cells, links, position)
+    other.restore(visual.state())
+    for each in (other, visual):
         each.look(reading)
         assert each.inject()[0].tolist() == [cell + 3]

@@ -1,4 +1,4 @@
-"""What the robot sees: it injects activity into the pose cells and selects the experience.
+"""The visual input: it injects activity into the pose cells and selects the experience.
 
 A camera sees one scene at a time. A laser may see several panoramas at once.
 """
@@ -16,7 +16,7 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.local_views import NO_VIEW, Links, Scenes
 from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of, nearest_turn
-from albot_core.mappers.ratslam.panoramas import Panoramas, Sighting
+from albot_core.mappers.ratslam.panoramas import Panoramas, ViewMatch
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
 from albot_core.sensing.reading import LaserScan, Reading
@@ -28,7 +28,7 @@ _EXPECTED = 4
 """Number of experiences nearest to the robot that are searched at their expected poses."""
 
 
-class Sight(Protocol):
+class VisualInput(Protocol):
     """The common interface of camera and laser."""
 
     def reset(self) -> None:
@@ -50,7 +50,7 @@ class Sight(Protocol):
         """Restore what `state` returned."""
 
 
-class SceneSight:
+class SceneInput:
     """A camera that recognises scenes by number.
 
     Args:
@@ -72,7 +72,7 @@ class SceneSight:
         self._scenes.reset()
         self._seen = NO_VIEW
         self._comes_into_sight = False
-        self._since_sight: Motion = (0.0, 0.0, 0.0)  # Motion since the view came into sight.
+        self._since_onset: Motion = (0.0, 0.0, 0.0)  # Motion since the view came into sight.
 
     def look(self, reading: Reading) -> None:
         """Update the scene that is seen."""
@@ -88,11 +88,11 @@ class SceneSight:
         active = links.activate(position.view, position.iteration)
         if is_new:
             links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
-            self._since_sight = (0.0, 0.0, 0.0)
+            self._since_onset = (0.0, 0.0, 0.0)
         linked, amounts = links.injection(position.view, active)
         # Links lead to where the view came into sight, and the robot has moved on since. The
         # network moves with the robot only after the injection.
-        there, self._since_sight = self._since_sight, after(self._since_sight, position.since)
+        there, self._since_onset = self._since_onset, after(self._since_onset, position.since)
         return cells.moved(linked, there), amounts
 
     def experience(self) -> None:
@@ -118,15 +118,15 @@ class SceneSight:
 
     def state(self) -> dict[str, np.ndarray]:
         """Return everything remembered, as arrays by name."""
-        return self._scenes.state() | {"scenes.since_sight": np.array(self._since_sight)}
+        return self._scenes.state() | {"scenes.since_onset": np.array(self._since_onset)}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore what `state` returned."""
         self._scenes.restore(state)
-        self._since_sight = motion_of(state["scenes.since_sight"].tolist())
+        self._since_onset = motion_of(state["scenes.since_onset"].tolist())
 
 
-class LaserSight:
+class LaserInput:
     """A laser, whose views are panoramas; each is made with an experience, and shares its frame.
 
     Args:
@@ -149,7 +149,7 @@ class LaserSight:
         """Forget all panoramas."""
         self._panoramas.reset()
         self._scan: LaserScan | None = None
-        self._sightings: Sequence[Sighting] = ()
+        self._matches: Sequence[ViewMatch] = ()
 
     def look(self, reading: Reading) -> None:
         """Keep the scan for an iteration at this reading.
@@ -168,15 +168,15 @@ class LaserSight:
         error since the view was last seen.
         """
         links, cells, position = self._links, self._cells, self._position
-        self._sightings = self._compare()
+        self._matches = self._compare()
         config = self._config.panoramas
         weights = [
-            (seen.score - config.least) / (1.0 - config.least) * self._plausible(seen)
-            for seen in self._sightings
+            (seen.score - config.min_score) / (1.0 - config.min_score) * self._plausible(seen)
+            for seen in self._matches
         ]
-        total = sum(weights) + config.elsewhere
+        total = sum(weights) + config.new_place_weight
         injected: list[Injection] = [(np.zeros(0, np.int64), np.zeros(0))]
-        for seen, weight in zip(self._sightings, weights, strict=True):
+        for seen, weight in zip(self._matches, weights, strict=True):
             active = links.activate(seen.view, position.iteration)
             if weight > 0.0:
                 linked, amounts = links.injection(seen.view, active * weight / total)
@@ -185,7 +185,7 @@ class LaserSight:
                 injected.append((cells.moved(linked, there), amounts))
         return tuple(np.concatenate(parts) for parts in zip(*injected, strict=True))  # type: ignore[return-value]
 
-    def _compare(self) -> Sequence[Sighting]:
+    def _compare(self) -> Sequence[ViewMatch]:
         """Process the scan: update the robot's motion, and return the views that are seen."""
         position, panoramas = self._position, self._panoramas
         assert self._scan is not None, "an iteration follows a look"
@@ -200,12 +200,12 @@ class LaserSight:
         near = np.argsort(apart)[:_EXPECTED]
         expected = [
             (int(view), motion_of(relative(poses[view], believed).tolist()))
-            for view in near[apart[near] < self._config.panoramas.near]
+            for view in near[apart[near] < self._config.panoramas.max_distance]
         ]
-        return panoramas.sightings(expected, self._links.linked(position.map.count))
+        return panoramas.matched_views(expected, self._links.linked(position.map.count))
 
-    def _plausible(self, seen: Sighting) -> float:
-        """Return how plausible the odometer's error is if a sighting is right, from 0 to 1."""
+    def _plausible(self, seen: ViewMatch) -> float:
+        """Return how plausible the odometer's error is if a match is right, from 0 to 1."""
         config, position = self._config.panoramas, self._position
         way = position.way - float(position.map.experiences["way"][seen.view])
         pose = compose(position.map.poses[seen.view], np.array(seen.offset))
@@ -230,8 +230,8 @@ class LaserSight:
         active, most = -1, 0.0
         offset: Motion = (0.0, 0.0, 0.0)
         sees_place = False
-        for seen in self._sightings:
-            if seen.score < config.certain:
+        for seen in self._matches:
+            if seen.score < config.min_score:
                 continue
             sees_place |= seen.view == place
             x, y, turn = self._cells.offset(*table["cell"][seen.view].tolist()).tolist()

@@ -1,10 +1,10 @@
-"""Doubt about a re-localisation, until known experiences have confirmed it.
+"""Loop-closure verification: a re-localisation is pending until known experiences confirm it.
 
 A false re-localisation would leave a transition between two distant places, and the correction
-would bend the map towards it for ever. So transitions to known experiences wait, and odometry
-continues from the last certain experience, the anchor. If the robot is re-localised again before
-enough known experiences followed one another, the waiting transitions are dropped. This is our
-addition; the paper does not cover it.
+would bend the map towards it for ever. So transitions to known experiences are pending, and
+odometry continues from the last verified experience, the anchor. If the robot is re-localised again
+before enough known experiences followed one another, the pending transitions are dropped. This is
+our addition; the paper does not cover it.
 """
 
 from __future__ import annotations
@@ -33,32 +33,32 @@ class Transition(NamedTuple):
     """Number of iterations that it took."""
 
 
-class Doubt:
-    """What is kept while a re-localisation is in doubt."""
+class Verification:
+    """What is kept while a re-localisation is pending."""
 
     def __init__(self) -> None:
         whole = dict.fromkeys(("source", "target", "steps"), (np.int64, ()))
         numbers = dict.fromkeys(("time", "variance"), (np.float64, ()))
-        self._waiting = Table(**whole, **numbers, motion=(np.float64, (3,)))
+        self._pending = Table(**whole, **numbers, motion=(np.float64, (3,)))
         self.reset()
 
     def reset(self) -> None:
-        """End the doubt, and drop all waiting transitions."""
+        """Drop the re-localisation and all pending transitions."""
         self.anchor = -1
-        """The last certain experience; -1 while nothing is in doubt."""
-        self.since: Motion = (0.0, 0.0, 0.0)
+        """The last verified experience; -1 while nothing is pending."""
+        self.from_anchor: Motion = (0.0, 0.0, 0.0)
         """The robot's pose in the anchor's frame, by odometry."""
         self.variance = 0.0
         """Variance of that pose, as a share of that of a pose by one scene."""
         self.left_at, self.left_in = 0.0, 0
         """When the robot was last at the anchor: stamp (s) and iteration."""
         self.hypothesis = -1
-        """The known experience that was entered last while in doubt; -1 if none was."""
-        self.beyond: Motion = (0.0, 0.0, 0.0)
+        """The known experience that was entered last while pending; -1 if none was."""
+        self.from_hypothesis: Motion = (0.0, 0.0, 0.0)
         """The robot's pose in that experience's frame, by odometry since."""
         self.known = 0
         """Number of experiences at the re-localisation."""
-        self._waiting.clear()
+        self._pending.clear()
 
     def begin(
         self,
@@ -69,28 +69,28 @@ class Doubt:
         left_in: int,
         known: int,
     ) -> None:
-        """Begin to doubt a re-localisation; waiting transitions are dropped."""
+        """Begin to verify a re-localisation; pending transitions are dropped."""
         self.reset()
-        self.anchor, self.since, self.variance, self.known = anchor, here, variance, known
+        self.anchor, self.from_anchor, self.variance, self.known = anchor, here, variance, known
         self.left_at, self.left_in = left_at, left_in
 
     def enter(self, experience: int, offset: Motion) -> None:
         """Note that a known experience is entered, with the robot at this pose in its frame."""
         if self.anchor >= 0:
-            self.hypothesis, self.beyond = experience, offset
+            self.hypothesis, self.from_hypothesis = experience, offset
 
     def integrate(self, motion: Motion) -> None:
         """Integrate odometry from the anchor and from the experience entered last."""
         if self.anchor >= 0:
-            self.since = after(self.since, motion)
-            self.beyond = after(self.beyond, motion)
+            self.from_anchor = after(self.from_anchor, motion)
+            self.from_hypothesis = after(self.from_hypothesis, motion)
 
     def _anchor_at(self, experience: int, stamp: float, iteration: int) -> None:
         """Make a new experience the anchor, with the robot at its origin."""
-        self.anchor, self.since, self.variance = experience, (0.0, 0.0, 0.0), 0.0
+        self.anchor, self.from_anchor, self.variance = experience, (0.0, 0.0, 0.0), 0.0
         self.left_at, self.left_in = stamp, iteration
 
-    def take(
+    def process(
         self, transition: Transition, stamp: float, iteration: int, needed: int, *, is_new: bool
     ) -> list[Transition]:
         """Process a transition; return those that are to be learned now.
@@ -99,7 +99,7 @@ class Doubt:
             transition: From the last experience to the present one.
             stamp: The present time (s).
             iteration: The present iteration.
-            needed: Number of confirmations that end the doubt.
+            needed: Number of confirmations that verify a re-localisation.
             is_new: Whether the present experience is new; if so, it is linked to the anchor by
                 odometry.
         """
@@ -107,48 +107,52 @@ class Doubt:
             return [transition]
         learned: list[Transition] = []
         if transition.source != self.anchor or not is_new:
-            self.wait(transition)
+            self.add_pending(transition)
         if is_new:
             here, time, steps = transition.target, stamp - self.left_at, iteration - self.left_in
-            learned.append(Transition(self.anchor, here, self.since, time, self.variance, steps))
+            learned.append(
+                Transition(self.anchor, here, self.from_anchor, time, self.variance, steps)
+            )
             self._anchor_at(here, stamp, iteration)
         if self.confirmations >= needed:
-            learned += self.end()
+            learned += self.accept()
         return learned
 
-    def wait(self, transition: Transition) -> None:
-        """Add a transition to those that wait."""
-        self._waiting.append(**transition._asdict())
+    def add_pending(self, transition: Transition) -> None:
+        """Add a transition to the pending ones."""
+        self._pending.append(**transition._asdict())
 
     @property
     def confirmations(self) -> int:
         """Number of experiences entered that were known before the re-localisation."""
-        targets = self._waiting.rows("target")
+        targets = self._pending.rows("target")
         return len(np.unique(targets[targets < self.known]))
 
-    def end(self) -> list[Transition]:
-        """End the doubt; return the transitions that waited."""
-        columns = [self._waiting.rows(name).tolist() for name in Transition._fields]
-        waiting = [
+    def accept(self) -> list[Transition]:
+        """Accept the re-localisation; return the transitions that were pending."""
+        columns = [self._pending.rows(name).tolist() for name in Transition._fields]
+        pending = [
             Transition(source, target, motion_of(motion), time, variance, steps)
             for source, target, motion, time, variance, steps in zip(*columns, strict=True)
         ]
         self.reset()
-        return waiting
+        return pending
 
     def state(self) -> dict[str, np.ndarray]:
         """Return everything remembered, as arrays by name."""
         return {
-            "doubt.counts": np.array(
+            "verification.counts": np.array(
                 (self.anchor, self.hypothesis, self.left_in, self.known), np.int64
             ),
-            "doubt.numbers": np.array((*self.since, *self.beyond, self.variance, self.left_at)),
-        } | self._waiting.state("doubted")
+            "verification.numbers": np.array(
+                (*self.from_anchor, *self.from_hypothesis, self.variance, self.left_at)
+            ),
+        } | self._pending.state("pending")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore what `state` returned."""
-        counts = state["doubt.counts"].tolist()
+        counts = state["verification.counts"].tolist()
         self.anchor, self.hypothesis, self.left_in, self.known = counts
-        *motions, self.variance, self.left_at = state["doubt.numbers"].tolist()
-        self.since, self.beyond = motion_of(motions[:3]), motion_of(motions[3:])
-        self._waiting.restore("doubted", state)
+        *motions, self.variance, self.left_at = state["verification.numbers"].tolist()
+        self.from_anchor, self.from_hypothesis = motion_of(motions[:3]), motion_of(motions[3:])
+        self._pending.restore("pending", state)

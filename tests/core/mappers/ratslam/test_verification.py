@@ -1,4 +1,4 @@
-"""Doubt after a re-localisation: a false one leaves no transition, a true one does."""
+"""Verification of a re-localisation: a false one leaves no transition, a true one does."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from albot_core.mappers.ratslam.config import RatSlamConfig
-from albot_core.mappers.ratslam.doubt import Doubt, Transition
 from albot_core.mappers.ratslam.mapper import RatSlam
+from albot_core.mappers.ratslam.verification import Transition, Verification
 from albot_core.sensing.reading import Reading
 
 STEP = 0.1
@@ -56,7 +56,7 @@ def test_a_false_relocalisation_leaves_no_transition():
     np.testing.assert_allclose(mapper.experiences.poses[:, 0], made_at, atol=0.5)
 
 
-def test_without_doubt_it_bends_the_map():
+def test_without_verification_it_bends_the_map():
     mapper = misled(confirmations=1)
     assert farthest_transition(mapper) > 20.0
 
@@ -70,32 +70,32 @@ def test_a_true_relocalisation_joins_both_ends():
 
 
 def test_known_experiences_confirm_once_each():
-    doubt = Doubt()
-    doubt.begin(7, (1.0, 0.0, 0.0), 0.5, 3.0, 9, known=8)
-    waiting = [
+    verification = Verification()
+    verification.begin(7, (1.0, 0.0, 0.0), 0.5, 3.0, 9, known=8)
+    pending = [
         Transition(7, 2, (0.5, 0.1, 0.2), 1.0, 1.0, 4),
         Transition(2, 8, (1.0, 0, 0), 2.0, 0.5, 5),
     ]
-    for transition in waiting:
-        doubt.wait(transition)
-    doubt.wait(Transition(8, 2, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
-    assert doubt.confirmations == 1
-    doubt.wait(Transition(2, 3, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
-    assert doubt.confirmations == 2
-    other = Doubt()
-    other.restore(doubt.state())
+    for transition in pending:
+        verification.add_pending(transition)
+    verification.add_pending(Transition(8, 2, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
+    assert verification.confirmations == 1
+    verification.add_pending(Transition(2, 3, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
+    assert verification.confirmations == 2
+    other = Verification()
+    other.restore(verification.state())
     assert other.confirmations == 2
-    assert other.end()[0] == waiting[0]
+    assert other.accept()[0] == pending[0]
     assert (other.anchor, other.confirmations) == (-1, 0)
 
 
 def test_path_integration_goes_on_from_the_anchor():
-    doubt = Doubt()
-    doubt.begin(0, (1.0, 0.0, np.pi / 2), 0.5, 0.0, 1, known=1)
-    doubt.integrate((2.0, 1.0, 0.5))
-    assert doubt.since == pytest.approx((0.0, 2.0, np.pi / 2 + 0.5))
+    verification = Verification()
+    verification.begin(0, (1.0, 0.0, np.pi / 2), 0.5, 0.0, 1, known=1)
+    verification.integrate((2.0, 1.0, 0.5))
+    assert verification.from_anchor == pytest.approx((0.0, 2.0, np.pi / 2 + 0.5))
     here = Transition(0, 1, (9.0, 9.0, 9.0), 2.0, 1.5, 3)
-    assert doubt.take(here, 2.0, 3, 2, is_new=True) == [
+    assert verification.process(here, 2.0, 3, 2, is_new=True) == [
         Transition(0, 1, pytest.approx((0.0, 2.0, np.pi / 2 + 0.5)), 2.0, 0.5, 2)
     ]
-    assert (doubt.anchor, doubt.since) == (1, (0.0, 0.0, 0.0))
+    assert (verification.anchor, verification.from_anchor) == (1, (0.0, 0.0, 0.0))
