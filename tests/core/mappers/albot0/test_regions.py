@@ -29,7 +29,7 @@ def steps_of(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Steps:
         walled=np.ones((len(lines), 2), np.bool_),
         begins=np.arange(len(lines)) % path == 0,
         readings=np.arange(len(lines)),
-        echoes=np.zeros((len(lines), 2, ECHOES)),
+        echoes=np.zeros((len(lines), ECHOES, 2)),
     )
 
 
