@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
-from albot_core.geometry.types import Points
+from albot_core.geometry.types import Points, Poses
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.paths import Steps
 
 _CELL = 0.1
@@ -42,14 +45,37 @@ class EchoField:
         limits = np.where(maximum_filter(is_known, _WIDE), farthest, unknown)
         self._distances = np.minimum(_CELL * distance_transform_edt(is_free), limits)
 
-    def distances(self, points: Float64[np.ndarray, "*some 2"]) -> Float64[np.ndarray, "*some"]:
-        """The distance of each point to the nearest echo, or the limit (m)."""
-        cells = self._cells(points)
-        limits = np.array(self._distances.shape)
-        is_inside = np.asarray(((cells >= 0) & (cells < limits)).all(axis=-1))
-        cells = np.where(is_inside[..., None], cells, 0)
-        found = self._distances[cells[..., 0], cells[..., 1]]
-        return np.asarray(np.where(is_inside, found, self._unknown))
+    def misfits(self, poses: Poses, points: Points) -> Float64[np.ndarray, "poses"]:
+        """Squared distances to the nearest echo, or the limit, summed over some points (m²).
+
+        Args:
+            poses: From which the points may be seen.
+            points: In the frame of each pose (m).
+        """
+        return np.asarray(sum_squares(poses, points, self._corner, self._distances, self._unknown))
 
     def _cells(self, points: Points) -> np.ndarray:
         return np.floor((points - self._corner) / _CELL).astype(np.int64)
+
+
+@kernel(arrays=True)
+def sum_squares(
+    poses: np.ndarray,
+    points: np.ndarray,
+    corner: np.ndarray,
+    distances: np.ndarray,
+    unknown: float,
+) -> np.ndarray:
+    """What `EchoField.misfits` returns; `unknown` counts outside the grid."""
+    sums = np.zeros(poses.shape[0])
+    for k in range(poses.shape[0]):
+        cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        x, y = poses[k, 0] - corner[0], poses[k, 1] - corner[1]
+        for i in range(points.shape[0]):
+            column = math.floor((x + cos * points[i, 0] - sin * points[i, 1]) / _CELL)
+            row = math.floor((y + sin * points[i, 0] + cos * points[i, 1]) / _CELL)
+            away = unknown
+            if 0 <= column < distances.shape[0] and 0 <= row < distances.shape[1]:
+                away = distances[int(column), int(row)]
+            sums[k] += away * away
+    return sums

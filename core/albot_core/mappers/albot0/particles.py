@@ -65,16 +65,8 @@ class Particles:
         """
         if not len(points):
             return
-        cos, sin = np.cos(self.poses[:, 2:]), np.sin(self.poses[:, 2:])
-        seen = np.stack(
-            (
-                self.poses[:, :1] + cos * points[:, 0] - sin * points[:, 1],
-                self.poses[:, 1:2] + sin * points[:, 0] + cos * points[:, 1],
-            ),
-            axis=-1,
-        )
-        misfit = np.square(field.distances(seen) / spread).sum(axis=1) / alike
-        total = 0.5 * misfit - np.log(self.weights)
+        misfits = field.misfits(self.poses, points) / spread**2
+        total = 0.5 * misfits / alike - np.log(self.weights)
         # The best one is taken off in the exponent, and none is ruled out.
         self.weights = np.exp(total.min() - total)
         self.normalise()

@@ -163,12 +163,22 @@ def test_an_echo_field_tells_how_far_echoes_are_and_where_the_sound_went():
     field = EchoField(steps, 0.4, 0.25)
     places = np.array(((0.0, 2.0), (0.2, 2.0), (0.05, 1.0), (2.0, 1.0), (0.0, 90.0), (-1e6, 0.0)))
     expected = (0.0, 0.2, 0.4, 0.25, 0.25, 0.25)
-    np.testing.assert_allclose(field.distances(places), expected, atol=0.1)
+    found = [np.sqrt(field.misfits(np.zeros((1, 3)), place[None])) for place in places]
+    np.testing.assert_allclose(np.ravel(found), expected, atol=0.1)
+
+
+def test_an_echo_field_sums_what_is_seen_from_each_pose():
+    field = EchoField(one_step((0.0, 2.0)), 0.4, 0.25)
+    poses = np.array(((0.08, 0.0, np.pi / 2), (1.0, 2.0, np.pi), (0.0, 0.0, 0.0)))
+    points = np.array(((2.0, 0.0), (1.0, 0.0)))
+    expected = (0.0 + 0.4**2, 0.25**2 + 0.0, 2 * 0.25**2)
+    np.testing.assert_allclose(field.misfits(poses, points), expected, atol=0.02)
 
 
 def test_an_echo_field_without_echoes_knows_nothing():
     field = EchoField(steps_along((0, 0), (5, 0)), 0.4, 0.25)
-    np.testing.assert_array_equal(field.distances(np.zeros((3, 2, 2))), 0.25)
+    misfits = field.misfits(np.zeros((3, 3)), np.zeros((2, 2)))
+    np.testing.assert_allclose(misfits, 2 * 0.25**2)
 
 
 @pytest.mark.parametrize(
