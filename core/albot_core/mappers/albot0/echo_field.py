@@ -36,12 +36,13 @@ class EchoField:
         points = steps.echo_points
         if not len(points):
             return
-        margin = farthest + 2 * _CELL
-        self._corner = points.min(axis=0) - margin
-        size = self._cells(points.max(axis=0) + margin) + 1
+        clear = steps.clear_points
+        covered, margin = np.concatenate((points, clear)), farthest + 2 * _CELL
+        self._corner = covered.min(axis=0) - margin
+        size = self._cells(covered.max(axis=0) + margin) + 1
         is_free, is_known = np.ones(size, np.bool_), np.zeros(size, np.bool_)
         is_free[tuple(self._cells(points).T)] = False
-        is_known[tuple(np.clip(self._cells(steps.clear_points), 0, size - 1).T)] = True
+        is_known[tuple(self._cells(clear).T)] = True
         limits = np.where(maximum_filter(is_known, _WIDE), farthest, unknown)
         self._distances = np.minimum(_CELL * distance_transform_edt(is_free), limits)
 
