@@ -50,7 +50,8 @@ class GeometricMap:
         self.regions = self._split()
 
     def _split(self) -> Regions:
-        return split_journey(self.steps.lines, self.steps.begins, self._ground, self._config)
+        steps, widths = self.steps, self.steps.widths.sum(axis=1)
+        return split_journey(steps.lines, widths, steps.begins, self._ground, self._config)
 
     def region_at(self, reading: int) -> int:
         """The ASR where a reading was taken; 0 before the first step."""

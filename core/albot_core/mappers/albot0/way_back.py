@@ -47,14 +47,12 @@ class WayBackConfig:
     near: float = 0.5
     """Standard deviation of how much farther away than the nearest an ASR is that the robot may be
     in (m). So two are about as likely where they meet."""
-    loop: float = 20.0
-    """Loops of the way out no longer than this (m) are cut off on the way home."""
     ahead: float = 1.5
     """The robot is shown a point so far ahead (m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "same")
-        check_fields(self, POSITIVE, "near", "loop", "ahead")
+        check_fields(self, POSITIVE, "near", "ahead")
 
 
 class WayBack:
@@ -119,14 +117,11 @@ class WayBack:
     def _way_home(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
         """Of each point of the way out, how far it is home (m) and the next point on the way there.
 
-        Where the way out comes by again, and there is no surface between, its loop is cut off if
-        it is not too long.
+        Where the way out comes by again, and there is no surface between, its loop is cut off.
         """
         points, count = self._points, len(self._points)
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
-        gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-        loops = np.diff(gone[pairs])[:, 0]
-        beside = pairs[(pairs[:, 1] - pairs[:, 0] > 1) & (loops <= self._config.loop)]
+        beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
         walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
         barred = walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
         beside = np.delete(beside, barred, axis=0)

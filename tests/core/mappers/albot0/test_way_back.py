@@ -17,23 +17,18 @@ from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_room
 from tests.core.mappers.albot0.step_scenes import steps_along
 
 WALLS, _ = row_of_rooms()
-CONFIG = WayBackConfig()
 
 
-def along(
-    way: Steps, config: WayBackConfig = CONFIG, at: tuple[float, float] = (0.0, 0.0)
-) -> WayBack:
+def along(way: Steps, at: tuple[float, float] = (0.0, 0.0)) -> WayBack:
     """The way home along a way out, of a robot that knows where it is."""
     particles = Particles(np.array((*at, 0.0)), 10, np.random.default_rng(0))
-    return WayBack(way, particles, np.zeros(3), config)
+    return WayBack(way, particles, np.zeros(3), WayBackConfig())
 
 
 def test_a_loop_of_the_way_out_is_cut_off():
     """It leads 10 m east, round a square of 5 m, and 5 m on."""
     way = steps_along((0, 0), (10, 0), (10, 5), (5, 5), (5, 0), (5, -5))
-    long = along(way, WayBackConfig(loop=10.0))
-    assert long.ahead(np.array((5.0, -5.0, 0.0)))[1] == pytest.approx(30.0, abs=3.0)
-    back = along(way, WayBackConfig(loop=25.0))
+    back = along(way)
     point, left = back.ahead(np.array((5.0, -5.0, 0.0)))
     assert left == pytest.approx(10.0, abs=1.5)  # Corners are cut too.
     np.testing.assert_allclose(point, (5.0, -3.5), atol=1.0)
@@ -84,7 +79,7 @@ def test_a_mapper_on_its_way_out_knows_how_it_came():
     assert way[TRAVEL] == pytest.approx(12.0, abs=1.0)
 
 
-@pytest.mark.parametrize(("name", "value"), [("same", -0.1), ("near", np.nan), ("loop", 0.0)])
+@pytest.mark.parametrize(("name", "value"), [("same", -0.1), ("near", np.nan), ("ahead", 0.0)])
 def test_bad_numbers_are_refused_by_name(name, value):
     with pytest.raises(InputError, match=f"WayBackConfig.{name}"):
         WayBackConfig(**{name: value})
