@@ -192,11 +192,12 @@ At the end of the way out the mapper is told that the robot turns round. Means o
 `large_room_one_asr`: how often the largest room that the way out came into just once is a single
 ASR, but within {INSIDE:g} m of exits; what is more than {LONGEST:g} times as long as wide is a
 corridor, and no room. The rooms of the random offices are smaller than the sonars reach, and full
-of furniture; `albot0-2` has a large one. `right`: at which share of the stops on the way home the
-ASR believed in is that in which the nearest reading of the way out was taken; `right_or_border`: that,
-or one in which the way out comes by no more than {BORDER:g} m farther away; `sure`: how often one
-ASR is clearly the most confident; `home_believed`: how often the robot believes to be in its home
-ASR when it stands at its start.
+of furniture; `albot0-2` has a large one.
+
+`right`: at which share of the stops on the way home the ASR believed in is that in which the
+nearest reading of the way out was taken; `right_or_border`: that, or one in which the way out comes
+by no more than {BORDER:g} m farther away; `sure`: how often one ASR is clearly the most confident;
+`home_believed`: how often the robot believes to be in its home ASR when it stands at its start.
 
 Cues: `paper` fuses `distance` and `orientation`; `default`, with which `albot0` comes, has `way`
 in place of `distance`. `holds` where the default's figures are {ASKED["right_or_border"]:.0%} each.

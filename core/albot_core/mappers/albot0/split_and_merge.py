@@ -58,7 +58,7 @@ def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
     split(journey, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
     count = merge(journey, constants, splits, before, after, residuals)
-    shift(journey, constants, splits[: count + 1], before, after)
+    shift(journey, splits[: count + 1])
     return splits[: count + 1].copy()
 
 
@@ -161,45 +161,42 @@ def residual(
 
 
 @kernel()
-def shift(
-    journey: Journey,
-    constants: Constants,
-    splits: np.ndarray,
-    before: np.ndarray,
-    after: np.ndarray,
-) -> None:
-    """Shift split points by a step while that reduces the overall error.
+def shift(journey: Journey, splits: np.ndarray) -> None:
+    """Shift each split point to where the overall error is least.
 
-    It is the sum of the residuals of all regions, by which they are split and merged, too.
+    It is the squared error (as usual, says the paper) with which the average widths of the two
+    regions stand for the widths of their steps. As in h ratios count, so that widths are compared
+    by their logarithms. The sum over all regions falls with each shift, so that there is an end.
     """
     moved = True
     while moved:
         moved = False
         for k in range(1, splits.shape[0] - 1):
-            first, last, best = splits[k - 1], splits[k + 1], splits[k]
-            least = error(journey, constants, first, best, last, before, after) - _ROUNDING
-            for middle in (splits[k] - 1, splits[k] + 1):
-                if first < middle < last:
-                    shifted = error(journey, constants, first, middle, last, before, after)
-                    if shifted < least:
-                        best, least = middle, shifted - _ROUNDING
+            best = best_split(journey, splits[k - 1], splits[k], splits[k + 1])
             if best != splits[k]:
                 splits[k], moved = best, True
 
 
 @kernel()
-def error(
-    journey: Journey,
-    constants: Constants,
-    first: int,
-    middle: int,
-    last: int,
-    before: np.ndarray,
-    after: np.ndarray,
-) -> float:
-    """The residuals of two neighbours together."""
-    one = residual(journey, constants, first, middle, before, after)[1]
-    return one + residual(journey, constants, middle, last, before, after)[1]
+def best_split(journey: Journey, first: int, here: int, last: int) -> int:
+    """Where the split point of two neighbours had best be; here, unless another is better."""
+    whole = rest = 0.0
+    for step in range(first, last):
+        whole += journey.lengths[step]
+        rest += journey.lengths[step] * math.log(journey.widths[step])
+    # The squares of the values themselves add up to the same, wherever they are split: the error is
+    # least where the squares of the means are greatest.
+    length = summed = present = 0.0
+    best, greatest = here, -np.inf
+    for middle in range(first + 1, last):
+        length += journey.lengths[middle - 1]
+        summed += journey.lengths[middle - 1] * math.log(journey.widths[middle - 1])
+        explained = summed**2 / length + (rest - summed) ** 2 / (whole - length)
+        if middle == here:
+            present = explained
+        if explained > greatest + _ROUNDING:
+            best, greatest = middle, explained
+    return best if greatest > present + _ROUNDING else here
 
 
 @kernel()
