@@ -12,6 +12,7 @@ from albot_core.geometry.types import Points
 from albot_core.mappers.albot0.config import Albot0Config
 from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.mapper import Albot0
+from albot_core.mappers.albot0.trail import TrailConfig
 from albot_core.sensing.reading import Reading
 
 CUES: Mapping[str, tuple[str, ...]] = {
@@ -49,7 +50,10 @@ class Tracked:
     """
 
     def __init__(self, cues: tuple[str, ...]) -> None:
-        self.mapper = Albot0(Albot0Config(localisation=LocalisationConfig(cues=cues)))
+        # The other cues do not go by where the trail has the robot: one particle is quicker.
+        trail = TrailConfig() if "way" in cues else TrailConfig(particles=1)
+        localisation = LocalisationConfig(cues=cues)
+        self.mapper = Albot0(Albot0Config(localisation=localisation, trail=trail))
         self.stops: list[Stop] = []
         self.out: Points = np.empty((0, 2))
         self.places: Int64[np.ndarray, "readings"] = np.empty(0, np.int64)
