@@ -12,9 +12,8 @@ from albot_core.geometry.types import Points
 from albot_core.mappers.albot0.geometric_map import GeometricMap
 from albot_core.mappers.albot0.localisation import CUES as CUE_MAPS
 from albot_core.mappers.albot0.localisation import Confidences
-from albot_core.mappers.albot0.mapper import Albot0
 from albot_env.sim.sonar import SONARS
-from albot_experiments.albot0_runs import BORDER, CUES, Tracked
+from albot_experiments.albot0_runs import BORDER, CUES, Stop, Tracked
 from albot_experiments.drawing import MARK, PATH, PLACES, SURFACE, draw_floor
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import driven_tour
@@ -66,6 +65,8 @@ class Run:
     """A journey out and home."""
 
     robot: Tracked
+    stops: tuple[Stop, ...]
+    """What was believed at every stop."""
     home: Points
     """(readings, 2): where the robot was on its way home (m)."""
     drawn: tuple[tuple[Points, tuple[Confidences, ...]], ...]
@@ -93,37 +94,39 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def drive(world: World, name: str, seed: int) -> dict[str, Run]:
-    """Drive a robot along a journey, and map it with each choice of cues."""
-    tour = world.tours[name]
+    """Drive a robot along a journey; what it believes by either choice of cues."""
+    tour, chosen = world.tours[name], ("paper", "default")
     journey = driven_tour(world, tour, np.random.default_rng(seed), sonar=SONARS["pioneer"])
     truth = journey.truth[:, :2]
     turned = int(np.hypot(*(truth - TURNS[name]).T).argmin())
-    runs = {}
-    for cues in ("paper", "default"):
-        robot = Tracked(CUES[cues])
-        drawn: list[tuple[Points, tuple[Confidences, ...]]] = []
-        robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
-        for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
-            robot.go_home(reading, place)
-            if len(drawn) < len(robot.stops):
-                drawn.append((place, _confidences(robot.mapper)))
-        robot.end(truth[-1])
-        whole, distances = _judge_room(world, robot)
-        runs[cues] = Run(
+    robot = Tracked()
+    drawn: dict[str, list[tuple[Points, tuple[Confidences, ...]]]] = {cues: [] for cues in chosen}
+    robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
+    for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
+        robot.go_home(reading, place)
+        for cues in chosen:
+            if len(drawn[cues]) < len(robot.stops[cues]):
+                drawn[cues].append((place, _confidences(robot, cues)))
+    robot.end(truth[-1])
+    whole, distances = _judge_room(world, robot)
+    return {
+        cues: Run(
             robot=robot,
+            stops=tuple(robot.stops[cues]),
             home=truth[turned:],
-            drawn=tuple(drawn),
+            drawn=tuple(drawn[cues]),
             is_whole=whole,
             split_distance=float(np.median(distances)),
         )
-    return runs
+        for cues in chosen
+    }
 
 
 def drive_at_random(world: World, seed: int) -> Split:
     """Drive a robot out through the large room on a way drawn at random, and map it."""
     rng = np.random.default_rng(seed)
     journey = driven_tour(world, _way_at_random(world, rng), rng, sonar=SONARS["pioneer"])
-    robot = Tracked(CUES["default"])
+    robot = Tracked()
     robot.go_out(journey.readings, journey.truth[:, :2])
     whole, distances = _judge_room(world, robot)
     return Split(asrs=int(robot.places.max()) + 1, is_whole=whole, distances=distances)
@@ -152,11 +155,10 @@ def _large_room(world: World) -> Room:
     return next(room for room in world.rooms if room.name == ROOM)
 
 
-def _confidences(mapper: Albot0) -> tuple[Confidences, ...]:
-    """The confidences of each cue, and of all together."""
-    config = mapper.config.localisation
-    maps = (CUE_MAPS[name](mapper.last_stop, config) for name in config.cues)
-    return (*maps, mapper.confidences)
+def _confidences(robot: Tracked, cues: str) -> tuple[Confidences, ...]:
+    """The confidences of each cue of a choice, and of all together."""
+    stop, config = robot.mapper.last_stop, robot.mapper.config.localisation
+    return (*(CUE_MAPS[name](stop, config) for name in CUES[cues]), robot.confidences[cues])
 
 
 def _judge_room(world: World, robot: Tracked) -> tuple[bool, tuple[float, float]]:
@@ -216,7 +218,7 @@ def _report(
 
 
 def _figures(runs: Sequence[Run]) -> dict[str, float]:
-    stops = [run.robot.stops for run in runs]
+    stops = [run.stops for run in runs]
     shares: dict[str, list[Any]] = {
         "asrs": [int(run.robot.places.max()) + 1 for run in runs],
         "large_room_one_asr": [run.is_whole for run in runs],

@@ -89,17 +89,14 @@ def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[Journey
 
 
 def follow(world: World, journey: Journey, turned: int) -> Outcome:
-    """Lead a mapper for each choice of cues out and, once it is told to return, home."""
-    truth, stops = journey.truth[:, :2], {}
-    for name, cues in CUES.items():
-        robot = Tracked(cues)
-        robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
-        for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
-            robot.go_home(reading, place)
-        robot.end(truth[-1])
-        stops[name] = tuple(robot.stops)
+    """Lead a mapper out and, once it is told to return, home."""
+    truth, robot = journey.truth[:, :2], Tracked()
+    robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
+    for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
+        robot.go_home(reading, place)
+    robot.end(truth[-1])
     return Outcome(
-        stops=stops,
+        stops={name: tuple(stops) for name, stops in robot.stops.items()},
         asrs=int(robot.places.max()) + 1,
         is_whole=_is_whole(world, robot.out, robot.places),
     )

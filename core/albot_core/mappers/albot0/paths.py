@@ -34,6 +34,8 @@ _PLACES, _SONARS = 6, 8
 """Of each step the echoes at so many places are kept, of so many sonars at the most."""
 ECHOES = _PLACES * _SONARS
 """So many echoes of each step are kept at the most."""
+_FARTHEST_ECHO = 12.0
+"""Echoes from farther away (m) are left out: a sonar's cone is too wide there to tell the place."""
 _CLEAR = 0.2
 """Points that the sound passed are so far apart (m), and from where it was thrown back."""
 _NARROWEST = 0.05
@@ -135,7 +137,8 @@ class Steps:
 
     @property
     def _heard(self) -> Bool[np.ndarray, "segments echoes"]:
-        return np.asarray(self.echoes.any(axis=-1))
+        away = np.hypot(self.echoes[..., 0], self.echoes[..., 1])
+        return np.asarray((away > 0.0) & (away <= _FARTHEST_ECHO))
 
     @property
     def _in_map(self) -> Float64[np.ndarray, "segments echoes 2"]:

@@ -54,6 +54,12 @@ def test_echoes_are_kept_in_the_frame_of_their_step():
     np.testing.assert_allclose(turned.echo_points, steps.echo_points @ ((0, 1), (-1, 0)), atol=1e-9)
 
 
+def test_echoes_from_far_away_are_left_out():
+    (steps,) = led(driven((0, 0), (2.5, 0)), CORRIDOR)
+    far = replace(steps, echoes=500.0 * steps.echoes)
+    assert len(far.echo_points) == len(far.clear_points) == 0
+
+
 def test_of_many_sonars_some_are_kept():
     bearings = tuple(np.radians(np.arange(-90, 91, 10)).tolist())
     ring = SonarGeometry(bearings=bearings, places=((0.0, 0.0),) * len(bearings))
