@@ -3,7 +3,9 @@
 Schmidt, Wong and Yeap. On its way out the robot makes a geometric map, which is split into absolute
 space representations (ASRs). Then it turns round, maps the way home anew, and localises itself in
 the ASRs of the way out: by how far it has come in ASR lengths, and by how it turned from one ASR
-into the next. Both maps are inexact and neither is ever corrected or laid over the other.
+into the next. Both maps are inexact and neither is ever corrected or laid over the other. Beside
+them the robot keeps its way as odometer and echoes together have it (`Trail`), which the way home
+and the cue `way` go by: that is ours.
 """
 
 from __future__ import annotations
@@ -223,8 +225,8 @@ class Albot0:
     def way_home(self) -> WayHome:
         """The way home: the border to the next ASR, and a point ahead on the way out.
 
-        On the way home it is the way out as it lies beside the way home (see `WayBack`). Where the
-        robot believes to be in its home ASR there is no border before it.
+        On the way home it is the trail of the way out (see `Trail` and `WayBack`). Where the robot
+        believes to be in its home ASR there is no border before it.
         """
         way = np.full(7, np.nan)
         way[TRAVEL] = self._path.travelled
