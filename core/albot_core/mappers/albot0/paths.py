@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -117,10 +117,15 @@ class Steps:
         left, right = self.widths[:, :1] * aside, -self.widths[:, 1:] * aside
         return np.stack((start + left, start + right, end + right, end + left), axis=1)
 
-    @property
+    @cached_property
     def echo_points(self) -> Points:
         """Where the echoes came from (m)."""
-        return np.asarray(self._in_map[self._heard])
+        step = np.nonzero(self._heard)[0]
+        start, way = self.lines[:, :2], self.lines[:, 2:] - self.lines[:, :2]
+        along = way / np.hypot(*way.T)[:, None]
+        aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
+        ahead, left = self.echoes[self._heard].T[..., None]
+        return np.asarray(start[step] + ahead * along[step] + left * aside[step])
 
     @property
     def clear_points(self) -> Points:
@@ -135,18 +140,10 @@ class Steps:
         points = robots[:, None] + (gone / lengths)[..., None] * away[:, None]
         return np.asarray(points[gone < lengths - _CLEAR])
 
-    @property
+    @cached_property
     def _heard(self) -> Bool[np.ndarray, "segments echoes"]:
         away = np.hypot(self.echoes[..., 0], self.echoes[..., 1])
         return np.asarray((away > 0.0) & (away <= _FARTHEST_ECHO))
-
-    @property
-    def _in_map(self) -> Float64[np.ndarray, "segments echoes 2"]:
-        start, way = self.lines[:, :2], self.lines[:, 2:] - self.lines[:, :2]
-        along = way / np.hypot(*way.T)[:, None]
-        aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
-        ahead, left = self.echoes[..., :1], self.echoes[..., 1:]
-        return np.asarray(start[:, None] + ahead * along[:, None] + left * aside[:, None])
 
     @property
     def surfaces(self) -> Segments:
