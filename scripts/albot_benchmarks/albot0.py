@@ -38,9 +38,9 @@ def measure_splitting(paths: int = _PATHS, rounds: int = 5) -> list[dict[str, fl
     steps, ground, config = steps.part(slice(0, int(last))), Ground(), RegionConfig()
     for swath in steps.swaths:
         ground.add(swath)
-    took, regions = np.inf, 0
+    took, regions, widths = np.inf, 0, steps.widths.sum(axis=1)
     for _ in range(rounds):
         started = time.process_time()
-        regions = split_journey(steps.lines, steps.begins, ground, config).count
+        regions = split_journey(steps.lines, widths, steps.begins, ground, config).count
         took = min(took, 1e3 * (time.process_time() - started))
     return [{"name": "albot0", "paths": paths, "regions": regions, "split_ms": took}]

@@ -12,7 +12,7 @@ from albot_env.sim.sonar import SONARS
 from albot_experiments.albot0_runs import BORDER, CUES, Stop, Tracked
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import Journey, driven_tour
-from albot_maps import World, load_world
+from albot_maps import Room, World, load_world
 from albot_maps.routes import Routes
 
 ID = "albot0-1"
@@ -23,6 +23,8 @@ OFFICE = "random:office:{seed}?rooms=12"
 """The way out leads from one room to that which is farthest from it."""
 HEARING = {"without specular loss": "ideal", "with specular loss": "pioneer"}
 """The sonars; `pioneer` has cross-talk too."""
+LONGEST = 3.0
+"""A part of the floor that is more than so many times as long as it is wide is a corridor."""
 INSIDE = 1.0
 """A reading was taken inside a room if it was so far from all exits (m)."""
 PAPER = {"large_room_one_asr": 1.0, "home_believed": 0.7}
@@ -87,17 +89,14 @@ def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[Journey
 
 
 def follow(world: World, journey: Journey, turned: int) -> Outcome:
-    """Lead a mapper for each choice of cues out and, once it is told to return, home."""
-    truth, stops = journey.truth[:, :2], {}
-    for name, cues in CUES.items():
-        robot = Tracked(cues)
-        robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
-        for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
-            robot.go_home(reading, place)
-        robot.end(truth[-1])
-        stops[name] = tuple(robot.stops)
+    """Lead a mapper out and, once it is told to return, home."""
+    truth, robot = journey.truth[:, :2], Tracked()
+    robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
+    for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
+        robot.go_home(reading, place)
+    robot.end(truth[-1])
     return Outcome(
-        stops=stops,
+        stops={name: tuple(stops) for name, stops in robot.stops.items()},
         asrs=int(robot.places.max()) + 1,
         is_whole=_is_whole(world, robot.out, robot.places),
     )
@@ -106,7 +105,8 @@ def follow(world: World, journey: Journey, turned: int) -> Outcome:
 def _is_whole(world: World, out: np.ndarray, places: np.ndarray) -> bool | None:
     """Whether the largest room that was come through once is a single ASR, but near its exits.
 
-    None where the robot came into no room just once.
+    Corridors are no rooms: that they are split where others cross them is as it should be. None
+    where the robot came into no room just once.
     """
     exits = np.array([way.segment for way in world.exits])
     middles = 0.5 * (exits[:, :2] + exits[:, 2:])
@@ -117,10 +117,15 @@ def _is_whole(world: World, out: np.ndarray, places: np.ndarray) -> bool | None:
     for room, place, is_far in zip(rooms, places.tolist(), is_inside, strict=True):
         if is_far and room is not None and come_into.count(room) == 1:
             inside.setdefault(room, set()).add(place)
-    if not inside:
-        return None
-    areas = {room.name: _area(room.boundary) for room in world.rooms}
-    return len(inside[max(inside, key=lambda name: areas[name])]) == 1
+    areas = {room.name: _area(room.boundary) for room in world.rooms if not _is_long(room)}
+    largest = max(areas.keys() & inside, key=lambda name: areas[name], default=None)
+    return None if largest is None else len(inside[largest]) == 1
+
+
+def _is_long(room: Room) -> bool:
+    """Whether a part of the floor is a corridor."""
+    width, length = np.sort(np.ptp(room.boundary, axis=0)).tolist()
+    return bool(length > LONGEST * width)
 
 
 def _area(corners: np.ndarray) -> float:
@@ -182,11 +187,14 @@ At the end of the way out the mapper is told that the robot turns round. Means o
 {seeds.start} to {seeds.stop - 1}; all was chosen on seeds below 140.
 
 `large_room_one_asr`: how often the largest room that the way out came into just once is a single
-ASR, but within {INSIDE:g} m of exits. `right`: at which share of the stops on the way home the ASR
-believed in is that in which the nearest reading of the way out was taken; `right_or_border`: that,
-or one in which the way out comes by no more than {BORDER:g} m farther away; `sure`: how often one
-ASR is clearly the most confident; `home_believed`: how often the robot believes to be in its home
-ASR when it stands at its start.
+ASR, but within {INSIDE:g} m of exits; what is more than {LONGEST:g} times as long as wide is a
+corridor, and no room. The rooms of the random offices are smaller than the sonars reach, and full
+of furniture; `albot0-2` has a large one.
+
+`right`: at which share of the stops on the way home the ASR believed in is that in which the
+nearest reading of the way out was taken; `right_or_border`: that, or one in which the way out comes
+by no more than {BORDER:g} m farther away; `sure`: how often one ASR is clearly the most confident;
+`home_believed`: how often the robot believes to be in its home ASR when it stands at its start.
 
 Cues: `paper` fuses `distance` and `orientation`; `default`, with which `albot0` comes, has `way`
 in place of `distance`. `holds` where the default's figures are {ASKED["right_or_border"]:.0%} each.

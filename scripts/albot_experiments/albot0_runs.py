@@ -9,8 +9,13 @@ import numpy as np
 from jaxtyping import Int64
 
 from albot_core.geometry.types import Points
-from albot_core.mappers.albot0.config import Albot0Config
-from albot_core.mappers.albot0.localisation import LocalisationConfig
+from albot_core.mappers.albot0.localisation import CUES as CUE_MAPS
+from albot_core.mappers.albot0.localisation import (
+    Confidences,
+    DemocraticIntegration,
+    is_sure,
+    most_confident,
+)
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.sensing.reading import Reading
 
@@ -44,15 +49,23 @@ class Stop:
 class Tracked:
     """A mapper on its way out and home, with the truth beside it.
 
-    Args:
-        cues: The cues that it fuses.
+    What is believed by each choice of cues is worked out beside it, on the same maps.
+
+    Attributes:
+        mapper: As it comes.
+        stops: What was believed at every stop on the way home, by the names of `CUES`.
+        confidences: The latest, likewise.
+        out: (readings, 2): where it was on its way out (m).
+        places: The ASR of each of these readings.
     """
 
-    def __init__(self, cues: tuple[str, ...]) -> None:
-        self.mapper = Albot0(Albot0Config(localisation=LocalisationConfig(cues=cues)))
-        self.stops: list[Stop] = []
+    def __init__(self) -> None:
+        self.mapper = Albot0()
+        self.stops: dict[str, list[Stop]] = {name: [] for name in CUES}
+        self.confidences: dict[str, Confidences] = {}
         self.out: Points = np.empty((0, 2))
         self.places: Int64[np.ndarray, "readings"] = np.empty(0, np.int64)
+        self._fusions = {name: DemocraticIntegration.of(len(cues)) for name, cues in CUES.items()}
 
     def go_out(self, readings: tuple[Reading, ...], truth: Points) -> None:
         """Follow the way out, at whose end the robot turns round.
@@ -66,6 +79,7 @@ class Tracked:
         self.mapper.begin_return()
         self.out = truth
         self.places = np.array([self.mapper.place_at(k) for k in range(len(readings))])
+        self.confidences = dict.fromkeys(CUES, self.mapper.confidences)
 
     def go_home(self, reading: Reading, place: Points) -> None:
         """Take in a reading of the way home, at a place (m)."""
@@ -78,6 +92,10 @@ class Tracked:
         self.mapper.end_path()
         if len(self.mapper.events) > events:
             self._judge(place)
+
+    def believes_in(self, cues: str) -> int:
+        """The ASR that is believed in by a choice of cues."""
+        return most_confident(self.confidences[cues])
 
     def is_at(self, place: Points, asr: int) -> bool:
         """Whether a place (m) is in an ASR or at its border.
@@ -92,13 +110,16 @@ class Tracked:
         return int(self.places[np.hypot(*(self.out - place).T).argmin()])
 
     def _judge(self, place: Points) -> None:
-        estimate = self.mapper.estimate
-        assert estimate.place is not None
-        self.stops.append(
-            Stop(
-                believed=estimate.place,
-                true=self.true_asr(place),
-                is_near=self.is_at(place, estimate.place),
-                is_sure=estimate.localised,
+        stop, config = self.mapper.last_stop, self.mapper.config.localisation
+        for name, cues in CUES.items():
+            maps = np.stack([CUE_MAPS[cue](stop, config) for cue in cues])
+            self.confidences[name] = self._fusions[name].fuse(maps)
+            believed = self.believes_in(name)
+            self.stops[name].append(
+                Stop(
+                    believed=believed,
+                    true=self.true_asr(place),
+                    is_near=self.is_at(place, believed),
+                    is_sure=is_sure(self.confidences[name], config),
+                )
             )
-        )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.paths import PathConfig
 from albot_core.mappers.albot0.regions import RegionConfig
+from albot_core.mappers.albot0.trail import TrailConfig
 from albot_core.mappers.albot0.way_back import WayBackConfig
 
 
@@ -20,5 +21,7 @@ class Albot0Config:
     """The split into ASRs."""
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     """Where the robot believes to be on its way home."""
+    trail: TrailConfig = field(default_factory=TrailConfig)
+    """Where the robot is on the way that it came."""
     way_back: WayBackConfig = field(default_factory=WayBackConfig)
-    """Where the way home lies beside the way out."""
+    """How the way home leads along the way out."""

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.paths import ECHOES, FARTHEST, NO_STEPS, Steps, join_steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
@@ -21,7 +20,7 @@ _SHAPES: dict[str, Shape] = {
     "walled": ("steps", 2),
     "begins": ("steps",),
     "readings": ("steps",),
-    "echoes": ("steps", 2, ECHOES),
+    "echoes": ("steps", ECHOES, 2),
 }
 
 
@@ -51,7 +50,8 @@ class GeometricMap:
         self.regions = self._split()
 
     def _split(self) -> Regions:
-        return split_journey(self.steps.lines, self.steps.begins, self._ground, self._config)
+        steps, widths = self.steps, self.steps.widths.sum(axis=1)
+        return split_journey(steps.lines, widths, steps.begins, self._ground, self._config)
 
     def region_at(self, reading: int) -> int:
         """The ASR where a reading was taken; 0 before the first step."""
@@ -61,11 +61,6 @@ class GeometricMap:
     def part(self, region: int) -> Steps:
         """The steps of a region."""
         return self.steps.part(slice(*self.regions.splits[region : region + 2].tolist()))
-
-    def border(self, region: int) -> Segments:
-        """The line across the way where a region begins, with the region to its left (m)."""
-        step = int(self.regions.splits[region])
-        return self.steps.part(slice(step, step + 1)).swaths[:, :2].reshape(1, 4)
 
     def state(self, prefix: str) -> dict[str, np.ndarray]:
         """The steps, as arrays by name (copies)."""
@@ -89,8 +84,8 @@ class GeometricMap:
             raise InputError(f"{prefix}lines", f"lengths up to {LONGEST:g} m", "others")
         if ((widths < 0) | (widths > LONGEST)).any() or (widths.sum(axis=1) < _SHORTEST).any():
             raise InputError(f"{prefix}widths", f"widths up to {LONGEST:g} m", "others")
-        if ((arrays["echoes"] < 0) | (arrays["echoes"] > LONGEST)).any():
-            raise InputError(f"{prefix}echoes", f"distances up to {LONGEST:g} m", "others")
+        if (np.abs(arrays["echoes"]) > 2 * LONGEST).any():
+            raise InputError(f"{prefix}echoes", f"places within ±{2 * LONGEST:g} m", "others")
         if len(numbers) and (
             numbers[0] < 0 or numbers[-1] >= readings or (np.diff(numbers) < 0).any()
         ):

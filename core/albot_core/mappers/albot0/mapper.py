@@ -3,7 +3,9 @@
 Schmidt, Wong and Yeap. On its way out the robot makes a geometric map, which is split into absolute
 space representations (ASRs). Then it turns round, maps the way home anew, and localises itself in
 the ASRs of the way out: by how far it has come in ASR lengths, and by how it turned from one ASR
-into the next. Both maps are inexact and neither is ever corrected or laid over the other.
+into the next. Both maps are inexact and neither is ever corrected or laid over the other. Beside
+them the robot keeps its way as odometer and echoes together have it (`Trail`), which the way home
+and the cue `way` go by: that is ours.
 """
 
 from __future__ import annotations
@@ -24,9 +26,10 @@ from albot_core.mappers.albot0.localisation import (
     DemocraticIntegration,
     Stop,
 )
-from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, Steps, side_sonars
+from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, Steps, join_steps, side_sonars
 from albot_core.mappers.albot0.state import SHAPES, check_beliefs, check_path
-from albot_core.mappers.albot0.way_back import NO_STATE, WayBack
+from albot_core.mappers.albot0.trail import Trail
+from albot_core.mappers.albot0.way_back import WayBack
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, MapperSpec, WayHome
 from albot_core.mappers.random_state import generator_of, generator_state
 from albot_core.mappers.registry import mapper_spec
@@ -58,13 +61,14 @@ class Albot0:
         return mapper_spec(self._name)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. Numbers are drawn on the way home."""
+        """Forget everything; the next reading is the first. Numbers are drawn all along."""
         self._rng = rng
         self._pose = np.zeros(3)
         self._readings = 0
         self._updates = 0
         self._path = PathInProgress(samples=[])
         self._out = GeometricMap(self.config.regions)
+        self._trail = Trail(self.config.trail, rng)
         self._home: GeometricMap | None = None
         self._was_told = False
         self._way_back: WayBack | None = None
@@ -130,18 +134,21 @@ class Albot0:
         self._updates += 1
         if self._home is None:
             self._out.extend(steps)
+            self._trail.extend(steps)
             self._way_back = self._lay_out()
             return
         self._home.extend(steps)
-        assert self._way_back is not None
-        self._way_back.locate(steps)
+        self._trail.extend(steps)
+        self._way_back = self._lay_out()
         stop, config = self.last_stop, self.config.localisation
         maps = np.stack([CUES[name](stop, config) for name in config.cues])
         self._believe(self._fusion.fuse(maps))
 
     def _lay_out(self) -> WayBack:
-        """The way out as it is known now."""
-        return WayBack(self._out.steps, self.config.way_back, self._rng)
+        """The way home, from where the robot may be now."""
+        out, trail = slice(0, len(self._out.steps.lines)), self._trail
+        steps, config = trail.steps.part(out), self.config.way_back
+        return WayBack(steps, trail.particles, trail.frame, config)
 
     def _believe(self, confidences: Confidences) -> None:
         self._confidences = confidences
@@ -193,7 +200,7 @@ class Albot0:
             place = max(self._out.regions.count - 1, 0)
         return Estimate(
             pose=self._pose.copy(),
-            home=np.zeros(3) if self._way_back is None else self._way_back.frame.copy(),
+            home=self._trail.frame.copy(),
             localised=is_sure,
             place=place,
             matched_reading=matched,
@@ -218,8 +225,8 @@ class Albot0:
     def way_home(self) -> WayHome:
         """The way home: the border to the next ASR, and a point ahead on the way out.
 
-        On the way home it is the way out as it lies beside the way home (see `WayBack`). Where the
-        robot believes to be in its home ASR there is no border before it.
+        On the way home it is the trail of the way out (see `Trail` and `WayBack`). Where the robot
+        believes to be in its home ASR there is no border before it.
         """
         way = np.full(7, np.nan)
         way[TRAVEL] = self._path.travelled
@@ -229,7 +236,7 @@ class Albot0:
         way[TRAVEL] += left
         place = self.estimate.place
         if place:
-            way[EXIT] = transform_segments(self._way_back.frame, self._out.border(place))[0]
+            way[EXIT] = self._way_back.border(int(self._out.regions.splits[place]))[0]
         return way
 
     def snapshot(self) -> MapSnapshot:
@@ -272,7 +279,6 @@ class Albot0:
         home = self._home or GeometricMap(self.config.regions)
         is_returning = self.is_returning + self._was_told
         counts = (self._readings, self._updates, is_returning, self._fusion.time)
-        way_back = self._way_back.state() if self._way_back and self.is_returning else None
         beliefs = [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs]
         believed = [(b.confidence, b.rival_confidence) for b in self._beliefs]
         return {
@@ -283,7 +289,7 @@ class Albot0:
             "path.before": np.array([] if before is None else [before], np.float64),
             **self._out.state("out"),
             **home.state("home"),
-            **(way_back or NO_STATE),
+            **self._trail.state(),
             "rng": generator_state(self._rng),
             "weights": self._fusion.weights.copy(),
             "confidences": self._confidences.copy(),
@@ -326,9 +332,9 @@ class Albot0:
         self._out, self._home = out, home if is_returning else None
         self._was_told = is_returning == 2
         self._rng = generator_of(state["rng"])
+        self._trail = Trail(self.config.trail, self._rng)
+        self._trail.restore(state, join_steps(out.steps, home.steps))
         self._way_back = self._lay_out() if len(out.steps.lines) else None
-        if self._way_back is not None and is_returning:
-            self._way_back.restore(state)
         self._fusion = DemocraticIntegration(weights=state["weights"].copy(), time=time)
         self._confidences = state["confidences"].copy()
         rows = zip(state["beliefs"].tolist(), state["believed"].tolist(), strict=True)

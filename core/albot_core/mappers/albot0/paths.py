@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -30,8 +30,14 @@ _SPACING = 0.02
 """The robot has moved since the last sample if it has gone so far (m)."""
 _CELL = 0.1
 """Widths along a path are compared at places about this far apart (m)."""
-ECHOES = 6
-"""Beside each step so many echoes are kept on either side."""
+_PLACES, _SONARS = 6, 8
+"""Of each step the echoes at so many places are kept, of so many sonars at the most."""
+ECHOES = _PLACES * _SONARS
+"""So many echoes of each step are kept at the most."""
+_FARTHEST_ECHO = 12.0
+"""Echoes from farther away (m) are left out: a sonar's cone is too wide there to tell the place."""
+_CLEAR = 0.2
+"""Points that the sound passed are so far apart (m), and from where it was thrown back."""
 _NARROWEST = 0.05
 """No surface is taken to be nearer to the robot's middle than this (m)."""
 FARTHEST = 1e7
@@ -87,11 +93,11 @@ class Steps:
     """Whether a robot path begins with it."""
     readings: Int64[np.ndarray, "segments"]
     """The number of the first reading of each."""
-    echoes: Float64[np.ndarray, "segments 2 echoes"]
-    """How far to the left and to the right the echoes came from, at places spread evenly along each
-    step (m); 0 where none was heard."""
+    echoes: Float64[np.ndarray, "segments echoes 2"]
+    """Where the echoes came from that all sonars heard at places spread evenly along each step, in
+    the frame of its line (m); zeros where none was heard."""
 
-    def part(self, chosen: slice) -> Steps:
+    def part(self, chosen: slice | Bool[np.ndarray, "segments"]) -> Steps:
         """Some of them."""
         return Steps(
             lines=self.lines[chosen],
@@ -111,16 +117,33 @@ class Steps:
         left, right = self.widths[:, :1] * aside, -self.widths[:, 1:] * aside
         return np.stack((start + left, start + right, end + right, end + left), axis=1)
 
-    @property
+    @cached_property
     def echo_points(self) -> Points:
-        """Where the echoes beside the steps came from (m)."""
+        """Where the echoes came from (m)."""
+        step = np.nonzero(self._heard)[0]
         start, way = self.lines[:, :2], self.lines[:, 2:] - self.lines[:, :2]
-        aside = np.stack((-way[:, 1], way[:, 0]), axis=-1) / np.hypot(*way.T)[:, None]
-        shares = (np.arange(ECHOES) + 0.5) / ECHOES
-        places = start[:, None] + shares[:, None] * way[:, None]
-        away = self.echoes * np.array(((1.0,), (-1.0,)))
-        points: Points = (places[:, None] + away[..., None] * aside[:, None, None])[away != 0.0]
-        return points
+        along = way / np.hypot(*way.T)[:, None]
+        aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
+        ahead, left = self.echoes[self._heard].T[..., None]
+        return np.asarray(start[step] + ahead * along[step] + left * aside[step])
+
+    @property
+    def clear_points(self) -> Points:
+        """Points between the robot and where the echoes came from, which the sound passed (m)."""
+        heard = self._heard
+        shares = (np.arange(ECHOES) // _SONARS + 0.5)[:, None] / _PLACES
+        start, end = self.lines[:, None, :2], self.lines[:, None, 2:]
+        robots = (start + shares * (end - start))[heard]
+        away = self.echo_points - robots
+        lengths = np.maximum(np.hypot(*away.T), _SPACING)[:, None]
+        gone = np.arange(_CLEAR, lengths.max(initial=0.0), _CLEAR)
+        points = robots[:, None] + (gone / lengths)[..., None] * away[:, None]
+        return np.asarray(points[gone < lengths - _CLEAR])
+
+    @cached_property
+    def _heard(self) -> Bool[np.ndarray, "segments echoes"]:
+        away = np.hypot(self.echoes[..., 0], self.echoes[..., 1])
+        return np.asarray((away > 0.0) & (away <= _FARTHEST_ECHO))
 
     @property
     def surfaces(self) -> Segments:
@@ -137,7 +160,7 @@ NO_STEPS = Steps(
     walled=np.empty((0, 2), np.bool_),
     begins=np.empty(0, np.bool_),
     readings=np.empty(0, np.int64),
-    echoes=np.empty((0, 2, ECHOES)),
+    echoes=np.empty((0, ECHOES, 2)),
 )
 """The steps of a robot that has gone nowhere."""
 
@@ -156,8 +179,11 @@ def join_steps(one: Steps, other: Steps) -> Steps:
 
 Sample = tuple[float, ...]
 """x, y of the robot; x, y of the echo to its left, of that to its right; whether each was heard (0
-or 1); how far the sonars reach (m); the reading's number."""
-SAMPLE = 10
+or 1); how far the sonars reach (m); the reading's number; x, y of the echoes of up to eight sonars,
+or of the robot where none was heard."""
+_ECHOED = 10
+"""Where in a sample the echoes of all sonars begin."""
+SAMPLE = _ECHOED + 2 * _SONARS
 """The length of a sample."""
 
 
@@ -246,7 +272,7 @@ class PathInProgress:
         return make_steps(np.array(self.samples), config)
 
 
-def make_steps(samples: Float64[np.ndarray, "samples 10"], config: PathConfig) -> Steps:
+def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfig) -> Steps:
     """The steps of a robot path from its samples, whose first and last lie apart."""
     chord = samples[-1, :2] - samples[0, :2]
     length = float(np.hypot(*chord))
@@ -262,16 +288,12 @@ def make_steps(samples: Float64[np.ndarray, "samples 10"], config: PathConfig) -
     columns = (0, 1) if lefts.sum() >= 0 else (1, 0)
     reach = float(samples[:, 8].max())
     widths, walled = np.empty((steps, 2)), np.empty((steps, 2), np.bool_)
-    kept = np.empty((steps, 2, ECHOES))
-    chosen = ((np.arange(ECHOES) + 0.5) / ECHOES * (cells // steps)).astype(int)
     for side, column in enumerate(columns):
         echoes = samples[:, 2 + 2 * column : 4 + 2 * column] - samples[0, :2]
         heard = samples[:, 6 + column] > 0
         profile = np.where(heard, np.clip(np.abs(echoes @ aside), _NARROWEST, reach), reach)
         nearest = np.abs(middles[:, None] - echoes @ along).argmin(axis=1)
         closed = _close_gaps(profile[nearest], window)
-        echoed = np.where(heard, profile, 0.0)[nearest]
-        kept[:, side] = echoed.reshape(steps, -1)[:, chosen]
         widths[:, side] = np.median(closed.reshape(steps, -1), axis=1)
         walled[:, side] = widths[:, side] < reach
 
@@ -288,8 +310,26 @@ def make_steps(samples: Float64[np.ndarray, "samples 10"], config: PathConfig) -
         walled=walled,
         begins=np.arange(steps) == 0,
         readings=samples[first, 9].astype(np.int64),
-        echoes=kept,
+        echoes=_echoes_along(samples, ends[:-1], along, length / steps),
     )
+
+
+def _echoes_along(
+    samples: Float64[np.ndarray, "samples sample"],
+    starts: Float64[np.ndarray, "segments 2"],
+    along: Float64[np.ndarray, "2"],
+    length: float,
+) -> Float64[np.ndarray, "segments echoes 2"]:
+    """The echoes heard at some places along each step of a path, in the steps' frames (m)."""
+    gone = (samples[:, :2] - starts[0]) @ along
+    places = (np.arange(len(starts) * _PLACES) + 0.5) * length / _PLACES
+    nearest = np.abs(gone - places[:, None]).argmin(axis=1)
+    robot, points = samples[nearest, None, :2], samples[nearest, _ECHOED:].reshape(-1, _SONARS, 2)
+    heard = (points != robot).any(axis=-1)
+    away = points - np.repeat(starts, _PLACES, axis=0)[:, None]
+    ahead, left = away @ along, away @ np.array((-along[1], along[0]))
+    echoes = np.where(heard[..., None], np.stack((ahead, left), axis=-1), 0.0)
+    return np.asarray(echoes.reshape(-1, ECHOES, 2))
 
 
 def _wrap(angle: float) -> float:
@@ -310,16 +350,34 @@ def _sample(pose: tuple[float, float, float], sonar: SonarScan, reading: int) ->
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     geometry, points, flags = sonar.geometry, [x, y], []
+    ranges, max_range = sonar.ranges.tolist(), geometry.max_range
     for index in side_sonars(geometry):
-        distance, heard = float(sonar.ranges[index]), 1.0
-        if distance >= geometry.max_range:
-            distance, heard = geometry.max_range, 0.0
-        bearing, (east, north) = geometry.bearings[index], geometry.places[index]
-        east += distance * math.cos(bearing)
-        north += distance * math.sin(bearing)
+        heard = ranges[index] < max_range
+        east, north = _echo(geometry, index, ranges[index] if heard else max_range)
         points += (x + cos * east - sin * north, y + sin * east + cos * north)
-        flags.append(heard)
-    return (*points, *flags, geometry.max_range, float(reading))
+        flags.append(float(heard))
+    echoes: list[float] = []
+    for index in _kept_sonars(geometry):
+        east, north = 0.0, 0.0
+        if ranges[index] < max_range:
+            east, north = _echo(geometry, index, ranges[index])
+        echoes += (x + cos * east - sin * north, y + sin * east + cos * north)
+    echoes += (x, y) * (_SONARS - len(echoes) // 2)
+    return (*points, *flags, max_range, float(reading), *echoes)
+
+
+def _echo(geometry: SonarGeometry, index: int, distance: float) -> tuple[float, float]:
+    """Where a sonar's echo came from, in the robot's frame (m)."""
+    bearing, (east, north) = geometry.bearings[index], geometry.places[index]
+    return east + distance * math.cos(bearing), north + distance * math.sin(bearing)
+
+
+@lru_cache(maxsize=8)
+def _kept_sonars(geometry: SonarGeometry) -> tuple[int, ...]:
+    """The sonars whose echoes are kept: all, or as many as are kept, spread evenly."""
+    count = len(geometry.bearings)
+    kept = min(count, _SONARS)
+    return tuple((np.arange(kept) * count // kept).tolist())
 
 
 @lru_cache(maxsize=8)

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.split_and_merge import AXES, Constants, Journey, split_and_merge
+from albot_core.mappers.albot0.split_and_merge import Constants, Journey, split_and_merge
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 _ABOVE_ONE = Range("a number from 1", 1.0)
@@ -34,18 +34,15 @@ class RegionConfig:
     """s: the share of θ_r by which r is weighed."""
     centre: float = 3.0
     """n, where the sigmoid of equation (2) has its centre; the paper gives no value."""
-    smallest_area: float = 2.0
+    smallest_area: float = 4.0
     """A_max, by which areas are measured in equation (2) (m²); the paper gives no value. With n = 3
-    regions of 6 m² are half held together."""
-    shortest: float = 0.25
-    """A region is no shorter than this (m) when its width is worked out. It may end where it began,
-    of which the paper says nothing."""
+    regions of 12 m², the size of a small office, are half held together."""
 
     def __post_init__(self) -> None:
         check_fields(self, _ABOVE_ONE, "threshold")
         check_fields(self, SHARE, "regularisation")
         check_fields(self, NOT_NEGATIVE, "centre")
-        check_fields(self, POSITIVE, "smallest_area", "shortest")
+        check_fields(self, POSITIVE, "smallest_area")
 
     @property
     def constants(self) -> Constants:
@@ -55,7 +52,6 @@ class RegionConfig:
             weight=float(self.regularisation * self.threshold),
             centre=float(self.centre),
             smallest_area=float(self.smallest_area),
-            shortest=float(self.shortest),
         )
 
 
@@ -108,12 +104,17 @@ class Regions:
 
 
 def split_journey(
-    lines: Segments, begins: Bool[np.ndarray, "segments"], ground: Ground, config: RegionConfig
+    lines: Segments,
+    widths: Float64[np.ndarray, "segments"],
+    begins: Bool[np.ndarray, "segments"],
+    ground: Ground,
+    config: RegionConfig,
 ) -> Regions:
     """The regions of a journey.
 
     Args:
         lines: Its steps, from the first to the last (m).
+        widths: How wide the ground beside each is (m).
         begins: Whether a robot path begins with each. The first split is by robot paths.
         ground: The ground beside each step.
         config: When regions are split.
@@ -122,9 +123,7 @@ def split_journey(
         return Regions(splits=np.zeros(1, np.int64), steps=lines)
     starts, faces, areas = ground.index
     seen = np.zeros(len(areas) + 1, np.int64)
-    # The axes turn with the journey, so that its regions do not depend on how its frame lies.
-    angles = np.arctan2(*(lines[0, 2:] - lines[0, :2])[::-1]) + np.arange(AXES) * np.pi / AXES
-    covered = np.concatenate((np.zeros((2, AXES)), [np.cos(angles), np.sin(angles)]))
-    journey = Journey(lines, begins, starts, faces, areas, seen, covered)
+    lengths = np.hypot(*(lines[:, 2:] - lines[:, :2]).T)
+    journey = Journey(lengths, widths, begins, starts, faces, areas, seen)
     bounds = split_and_merge(journey, config.constants)
     return Regions(splits=bounds, steps=lines)

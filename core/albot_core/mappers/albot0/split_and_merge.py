@@ -12,10 +12,6 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel
 
-_LEAST_AREA = 1e-6
-"""A region whose ground is nothing but slivers has this area (m²), so that all have a width."""
-AXES = 32
-"""Along so many axes the extent of a way is measured."""
 _ROUNDING = 1e-9
 """Values of h that differ by less are equal: of equal splits and merges the first one counts,
 however the journey's frame lies."""
@@ -32,15 +28,15 @@ class Constants(NamedTuple):
     """n."""
     smallest_area: float
     """A_max (m²)."""
-    shortest: float
-    """Least length of a region (m)."""
 
 
 class Journey(NamedTuple):
     """What the areas and the lengths of all regions of a journey are worked out from."""
 
-    lines: np.ndarray
-    """(steps, 4): where each step begins and ends (m)."""
+    lengths: np.ndarray
+    """(steps,): how long each step is (m)."""
+    widths: np.ndarray
+    """(steps,): how wide the ground beside it is (m)."""
     begins: np.ndarray
     """(steps,): whether a robot path begins with it."""
     starts: np.ndarray
@@ -51,33 +47,27 @@ class Journey(NamedTuple):
     """(faces,): areas of the faces (m²)."""
     seen: np.ndarray
     """(faces + 1,) int64: in which sum each face was counted last; at the end the latest sum."""
-    covered: np.ndarray
-    """(4, AXES): room for what a way covers along each axis, from and to (m); the axes' cosines and
-    sines."""
 
 
 @kernel(arrays=True)
 def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
     """The steps at which regions begin, and the number of all steps (regions + 1,)."""
-    steps = journey.lines.shape[0]
+    steps = journey.lengths.shape[0]
     is_split = np.zeros(steps + 1, np.bool_)
     before, after, residuals = np.empty((2, steps)), np.empty((2, steps)), np.empty(steps)
     split(journey, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
     count = merge(journey, constants, splits, before, after, residuals)
-    shift(journey, constants, splits[: count + 1], before, after)
+    shift(journey, splits[: count + 1])
     return splits[: count + 1].copy()
 
 
 @kernel()
 def homogeneity(
-    area: float, extent: float, other_area: float, other_extent: float, constants: Constants
+    area: float, width: float, other_area: float, other_width: float, constants: Constants
 ) -> float:
     """h(P_i, P_j) of equation (1): low where two regions are alike."""
-    area, other_area = max(area, _LEAST_AREA), max(other_area, _LEAST_AREA)
-    width = area / max(extent, constants.shortest)
-    other = other_area / max(other_extent, constants.shortest)
-    ratio = max(width, other) / min(width, other)
+    ratio = max(width, other_width) / min(width, other_width)
     return float(ratio + constants.weight * regularisation(min(area, other_area), constants))
 
 
@@ -98,7 +88,7 @@ def split(
     after: np.ndarray,
 ) -> None:
     """Split each robot path where h is greatest, and its parts again, while it is above θ_r."""
-    steps = journey.lines.shape[0]
+    steps = journey.lengths.shape[0]
     for step in range(steps):
         is_split[step] = journey.begins[step]
     is_split[0] = is_split[steps] = True
@@ -162,112 +152,73 @@ def residual(
     measure_until(journey, first, last, after)
     best, greatest = first, 0.0
     for middle in range(first + 1, last):
-        area, extent = before[0, middle - 1], before[1, middle - 1]
-        other, other_extent = after[0, middle], after[1, middle]
-        h = homogeneity(area, extent, other, other_extent, constants)
+        area, width = before[0, middle - 1], before[1, middle - 1]
+        other, other_width = after[0, middle], after[1, middle]
+        h = homogeneity(area, width, other, other_width, constants)
         if h > greatest + _ROUNDING:
             best, greatest = middle, h
     return best, greatest
 
 
 @kernel()
-def shift(
-    journey: Journey,
-    constants: Constants,
-    splits: np.ndarray,
-    before: np.ndarray,
-    after: np.ndarray,
-) -> None:
-    """Shift each split point to where the sum of h over all neighbours is greatest.
+def shift(journey: Journey, splits: np.ndarray) -> None:
+    """Shift each split point to where the overall error is least.
 
-    The paper keeps the split that reduces the overall error. Regions are to differ, so the error is
-    less where h is greater. The sum grows with each shift, so that there is an end.
+    It is the squared error (as usual, says the paper) with which the average widths of the two
+    regions stand for the widths of their steps. As in h ratios count, so that widths are compared
+    by their logarithms. The sum over all regions falls with each shift, so that there is an end.
     """
     moved = True
     while moved:
         moved = False
         for k in range(1, splits.shape[0] - 1):
-            best = best_split(journey, constants, splits, k, before, after)
+            best = best_split(journey, splits[k - 1], splits[k], splits[k + 1])
             if best != splits[k]:
                 splits[k], moved = best, True
 
 
 @kernel()
-def best_split(
-    journey: Journey,
-    constants: Constants,
-    splits: np.ndarray,
-    k: int,
-    before: np.ndarray,
-    after: np.ndarray,
-) -> int:
-    """Where split point k had best be, between the two beside it."""
-    first, last = splits[k - 1], splits[k + 1]
-    has_earlier, has_later = k > 1, k + 2 < splits.shape[0]
-    earlier = earlier_extent = later = later_extent = 0.0
-    if has_earlier:
-        measure_until(journey, splits[k - 2], first, before)
-        earlier, earlier_extent = before[0, splits[k - 2]], before[1, splits[k - 2]]
-    if has_later:
-        measure_from(journey, last, splits[k + 2], after)
-        later, later_extent = after[0, splits[k + 2] - 1], after[1, splits[k + 2] - 1]
-    measure_from(journey, first, last, before)
-    measure_until(journey, first, last, after)
-    here = int(splits[k])
-    best, greatest, present = here, -np.inf, 0.0
+def best_split(journey: Journey, first: int, here: int, last: int) -> int:
+    """Where the split point of two neighbours had best be; here, unless another is better."""
+    whole = rest = 0.0
+    for step in range(first, last):
+        whole += journey.lengths[step]
+        rest += journey.lengths[step] * math.log(journey.widths[step])
+    # The squares of the values themselves add up to the same, wherever they are split: the error is
+    # least where the squares of the means are greatest.
+    length = summed = present = 0.0
+    best, greatest = here, -np.inf
     for middle in range(first + 1, last):
-        area, extent = before[0, middle - 1], before[1, middle - 1]
-        other, other_extent = after[0, middle], after[1, middle]
-        total = homogeneity(area, extent, other, other_extent, constants)
-        if has_earlier:
-            total += homogeneity(earlier, earlier_extent, area, extent, constants)
-        if has_later:
-            total += homogeneity(other, other_extent, later, later_extent, constants)
+        length += journey.lengths[middle - 1]
+        summed += journey.lengths[middle - 1] * math.log(journey.widths[middle - 1])
+        explained = summed**2 / length + (rest - summed) ** 2 / (whole - length)
         if middle == here:
-            present = total
-        if total > greatest + _ROUNDING:
-            best, greatest = middle, total
+            present = explained
+        if explained > greatest + _ROUNDING:
+            best, greatest = middle, explained
     return best if greatest > present + _ROUNDING else here
 
 
 @kernel()
 def measure_from(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to area and extent of the region from `first` to step k with it."""
-    low, high = journey.covered[0], journey.covered[1]
-    for k in range(AXES):
-        low[k], high[k] = np.inf, -np.inf
-    area, latest = 0.0, next_sum(journey)
+    """Set `measured[:, k]` to area and average width of the region from `first` to step k."""
+    area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
     for step in range(first, last):
         area += not_counted(journey, step, latest)
-        measured[0, step], measured[1, step] = area, extend(journey.lines[step], journey.covered)
+        length += journey.lengths[step]
+        swaths += journey.lengths[step] * journey.widths[step]
+        measured[0, step], measured[1, step] = area, swaths / length
 
 
 @kernel()
 def measure_until(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to area and extent of the region from step k to before `last`."""
-    low, high = journey.covered[0], journey.covered[1]
-    for k in range(AXES):
-        low[k], high[k] = np.inf, -np.inf
-    area, latest = 0.0, next_sum(journey)
+    """Set `measured[:, k]` to area and average width of the region from step k to before `last`."""
+    area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
     for step in range(last - 1, first - 1, -1):
         area += not_counted(journey, step, latest)
-        measured[0, step], measured[1, step] = area, extend(journey.lines[step], journey.covered)
-
-
-@kernel()
-def extend(line: np.ndarray, covered: np.ndarray) -> float:
-    """Add a step to what a way covers along some axes; the greatest length along any (m).
-
-    It is the way's diameter, 0.2 % too short at the most.
-    """
-    low, high, extent = covered[0], covered[1], 0.0
-    for k in range(AXES):
-        cos, sin = covered[2, k], covered[3, k]
-        begin, end = cos * line[0] + sin * line[1], cos * line[2] + sin * line[3]
-        low[k] = min(low[k], begin, end)
-        high[k] = max(high[k], begin, end)
-        extent = max(extent, high[k] - low[k])
-    return extent
+        length += journey.lengths[step]
+        swaths += journey.lengths[step] * journey.widths[step]
+        measured[0, step], measured[1, step] = area, swaths / length
 
 
 @kernel()

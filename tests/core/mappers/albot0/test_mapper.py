@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 from albot_core.mappers.albot0.config import Albot0Config
 from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.mapper import Albot0
-from albot_core.mappers.albot0.paths import PathConfig
+from albot_core.mappers.albot0.paths import SAMPLE, PathConfig
 from albot_core.mappers.mapper import EXIT, POINT, PlaceMemory, require
 from albot_core.sensing.reading import Reading, SonarGeometry, SonarScan
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
@@ -156,7 +156,7 @@ def test_the_way_home_leads_back_along_the_way_out():
     mapper = led(OUTWARD + 100)
     point = mapper.way_home[POINT]
     assert WAY[OUTWARD + 99, 0] - 3.0 < point[0] < WAY[OUTWARD + 99, 0]
-    np.testing.assert_allclose(point[1], 0.0, atol=0.2)
+    np.testing.assert_allclose(point[1], 0.0, atol=0.4)  # The corridor is 2 m wide.
     line = mapper.way_home[EXIT]
     assert line[0] == pytest.approx(line[2], abs=0.2)  # Across the way.
     assert np.isnan(led(len(TAKEN)).way_home[EXIT]).all()  # At home there is no exit before home.
@@ -198,13 +198,14 @@ STATE = led(OUTWARD + 100).state()
         ("counts", np.array((1, 1, 1, 1))),
         ("counts", np.array((600, 1, 3, 1))),
         ("rng", np.zeros(5, np.uint64)),
-        ("way_back.poses", STATE["way_back.poses"][1:]),
-        ("way_back.weights", np.zeros_like(STATE["way_back.weights"])),
-        ("way_back.latest", np.full((2, 3), np.inf)),
+        ("trail.past", STATE["trail.past"][1:]),
+        ("trail.past", np.full_like(STATE["trail.past"], np.inf)),
+        ("trail.weights", np.zeros_like(STATE["trail.weights"])),
+        ("trail.lines", 2.0 * STATE["trail.lines"]),
         ("out.lines", np.full_like(STATE["out.lines"], 1e12)),
         ("out.lines", np.zeros_like(STATE["out.lines"])),
         ("out.widths", np.zeros_like(STATE["out.widths"])),
-        ("out.echoes", np.full_like(STATE["out.echoes"], -1.0)),
+        ("out.echoes", np.full_like(STATE["out.echoes"], 1e9)),
         ("out.readings", STATE["out.readings"][::-1].copy()),
         ("home.lines", STATE["home.lines"][:1]),
         ("weights", np.array((0.9, 0.9))),
@@ -213,7 +214,7 @@ STATE = led(OUTWARD + 100).state()
         ("beliefs", np.full_like(STATE["beliefs"], 99)),
         ("beliefs", STATE["beliefs"][:0]),
         ("path.before", np.zeros(2)),
-        ("path.samples", np.full((2, 10), 0.5)),
+        ("path.samples", np.full((2, SAMPLE), 0.5)),
     ],
 )
 def test_a_damaged_state_is_refused(name, value):

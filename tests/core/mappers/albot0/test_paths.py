@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.mappers.albot0.paths import PathConfig, PathInProgress, Steps
+from albot_core.mappers.albot0.paths import ECHOES, PathConfig, PathInProgress, Steps
 from albot_core.sensing.reading import SonarGeometry, SonarScan
 from tests.core.mappers.albot0.sonar_scenes import SONAR, driven, sonar_from
 
@@ -36,12 +38,35 @@ def test_a_corridor_has_a_surface_on_either_side():
     np.testing.assert_allclose(np.unique(steps.surfaces[:, [1, 3]]), (-1.5, 1.0), atol=1e-9)
     assert steps.begins.tolist() == [True, False]
     assert steps.readings.tolist() == [0, 13]
-    left, right = steps.echoes[:, 0], steps.echoes[:, 1]
-    np.testing.assert_allclose(left, 1.0, atol=1e-9)
-    np.testing.assert_allclose(right, 1.5, atol=1e-9)
     east, north = steps.echo_points.T
     np.testing.assert_allclose(np.unique(north.round(9)), (-1.5, 1.0))
-    np.testing.assert_allclose((east.min(), east.max()), (0.0, 2.5), atol=0.2)
+    # From beside the robot at its start to what the sonars at 30° hear at the end.
+    np.testing.assert_allclose((east.min(), east.max()), (0.2, 5.0), atol=0.1)
+    clear = steps.clear_points
+    assert (np.abs(clear[:, 1] + 0.25) < 1.25).all()
+    assert len(np.unique(clear.round(1), axis=0)) > 100
+
+
+def test_echoes_are_kept_in_the_frame_of_their_step():
+    way = driven((0, 0), (2.5, 0))
+    (steps,) = led(way, CORRIDOR)
+    turned = replace(steps, lines=steps.lines[:, [1, 0, 3, 2]])
+    np.testing.assert_allclose(turned.echo_points, steps.echo_points @ ((0, 1), (-1, 0)), atol=1e-9)
+
+
+def test_echoes_from_far_away_are_left_out():
+    (steps,) = led(driven((0, 0), (2.5, 0)), CORRIDOR)
+    far = replace(steps, echoes=500.0 * steps.echoes)
+    assert len(far.echo_points) == len(far.clear_points) == 0
+
+
+def test_of_many_sonars_some_are_kept():
+    bearings = tuple(np.radians(np.arange(-90, 91, 10)).tolist())
+    ring = SonarGeometry(bearings=bearings, places=((0.0, 0.0),) * len(bearings))
+    scan = SonarScan(ranges=np.ones(len(bearings)), geometry=ring)
+    (steps,) = followed(driven((0, 0), (2.5, 0)), [scan] * 26)
+    assert steps.echoes.shape == (2, ECHOES, 2)
+    assert steps.echoes.any(axis=-1).all()
 
 
 def test_a_path_ends_where_it_is_long_or_where_the_robot_turns():
@@ -56,7 +81,7 @@ def test_small_gaps_are_closed_and_large_ones_are_distant_surfaces(width, is_clo
     left = np.array(((-5.0, 1.0, 3.0 - width / 2, 1.0), (3.0 + width / 2, 1.0, 20.0, 1.0)))
     (steps,) = led(driven((0, 0), (5.9, 0)), np.concatenate((left, CORRIDOR[1:])), longest=9.0)
     assert steps.walled[:, 0].all() == is_closed
-    assert (steps.echoes[2:4, 0] == 0.0).any()  # Echoes are kept as they came.
+    assert not steps.echoes.any(axis=-1).all()  # Echoes are kept as they came.
     if is_closed:
         np.testing.assert_allclose(steps.widths[:, 0], 1.0, atol=1e-9)
     else:

@@ -1,0 +1,195 @@
+"""The way that the robot came, as it knows it best, and where it now is.
+
+The paper's maps are never corrected, and neither are ours: ASRs are told apart, and compared, by
+the odometer alone. But its robot is not told how to drive home, and ours could not by the odometer:
+after 100 m two visits to one place lie metres apart. So beside the paper's maps the robot keeps its
+way as it is most likely by odometer and echoes together. This is ours.
+
+A particle filter looks for the robot among what it heard some metres before. Each particle
+remembers its way (as in D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient FastSLAM algorithm
+for generating maps of large-scale cyclic environments from raw laser range measurements, 2003), so
+that the ways of those that are left tell where the robot was, too. Unlike there they share one map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from jaxtyping import Float64
+from shapely import STRtree
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, inverse, relative, transform_points
+from albot_core.geometry.types import Pose
+from albot_core.mappers.albot0.echo_field import EchoField
+from albot_core.mappers.albot0.particles import Particles, mean_pose
+from albot_core.mappers.albot0.paths import FARTHEST, NO_STEPS, Steps, join_steps
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
+
+_COUNT = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
+_AROUND = 8.0
+"""Echoes of steps that are farther away than this (m) are not heard from where the robot is."""
+_SUM = 1e-6
+"""By so much the sum of all weights may be off 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrailConfig:
+    """How the robot is looked for on the way that it came."""
+
+    particles: int = 400
+    """How many ways are kept."""
+    drift: float = 0.025
+    """Standard deviation of the odometer's error of heading after one metre (rad/√m)…"""
+    turned: float = 0.03
+    """…and after one radian of turn (rad/√rad)."""
+    slip: float = 0.04
+    """Standard deviation of its error of place after one metre (m/√m)."""
+    spread: float = 0.2
+    """Standard deviation of an echo's distance from the nearest one heard before (m)."""
+    farthest: float = 0.4
+    """Where the sound went freely before, echoes farther than this (m) from any are as unlikely as
+    each other…"""
+    unknown: float = 0.3
+    """…and those farther than this (m), where it did not go."""
+    alike: float = 10.0
+    """So many echoes tell as much as one. Those of one sonar within a metre mostly come from one
+    surface."""
+    through_surface: float = 0.2
+    """Factor of the weight of a particle that moved through a surface. It is not 0: surfaces are
+    inexact, and small gaps in them are closed."""
+    recent: float = 5.0
+    """What was heard within the last metres (m) is left out: it errs as the robot does."""
+    remembered: int = 40
+    """How many steps of its way each particle remembers. What lies before them stays as it is."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _COUNT, "particles", "remembered")
+        check_fields(self, NOT_NEGATIVE, "drift", "turned", "slip", "recent")
+        positive = "spread", "farthest", "unknown", "alike", "through_surface"
+        check_fields(self, POSITIVE, *positive)
+
+
+class Trail:
+    """The way that the robot came, and its pose at the end of it.
+
+    Attributes:
+        steps: The way as it is most likely.
+        particles: Where the robot may be at the end of it.
+        frame: Where the trail's frame lies in the odometer's.
+
+    Args:
+        config: How the robot is looked for.
+        rng: What draws the particles' errors.
+    """
+
+    def __init__(self, config: TrailConfig, rng: np.random.Generator) -> None:
+        self._config = config
+        self.steps = NO_STEPS
+        self.particles = Particles(np.zeros(3), config.particles, rng)
+        self.frame = np.zeros(3)
+        self._latest = np.zeros(3)
+        self._past = np.empty((0, config.particles, 3))
+
+    def extend(self, steps: Steps) -> None:
+        """Follow the robot along its next steps, which lie as the odometer has them."""
+        before = self._heard_before()
+        field = EchoField(before, self._config.farthest, self._config.unknown)
+        walls = STRtree(shapely.linestrings(before.surfaces.reshape(-1, 2, 2)))
+        for step in range(len(steps.lines)):
+            pose = end_pose(steps.lines[step])
+            self._move(relative(self._latest, pose), walls)
+            self._latest = pose
+            points = steps.part(slice(step, step + 1)).echo_points
+            seen = transform_points(inverse(pose), points)
+            self.particles.weigh(seen, field, self._config.spread, self._config.alike)
+            self._past = np.concatenate((self._past, self.particles.poses[None]))
+            chosen = self.particles.resample()
+            if chosen is not None:
+                self._past = self._past[:, chosen]
+        self.steps = join_steps(self.steps, steps)
+        self._past = self._past[-self._config.remembered :]
+        self._lay_out()
+
+    def _heard_before(self) -> Steps:
+        """The steps from which the robot may hear what it heard on them, but the latest."""
+        lines = self.steps.lines
+        if not len(lines):
+            return self.steps
+        left = np.cumsum(np.hypot(*(lines[:, 2:] - lines[:, :2]).T)[::-1])[::-1]
+        away = np.hypot(*(lines[:, 2:] - self.particles.mean[:2]).T)
+        return self.steps.part((left > self._config.recent) & (away < _AROUND))
+
+    def _move(self, motion: Pose, walls: STRtree) -> None:
+        """Move all particles; those that go through a surface lose weight."""
+        config, particles = self._config, self.particles
+        before = particles.poses[:, :2]
+        particles.move(motion, config.drift, config.turned, config.slip)
+        moves = shapely.linestrings(np.stack((before, particles.poses[:, :2]), axis=1))
+        crossing = walls.query(moves, predicate="intersects")[0]
+        particles.weights[np.unique(crossing)] *= config.through_surface
+        particles.normalise()
+
+    def _lay_out(self) -> None:
+        """Lay the latest steps where the particles that are left have them in the mean."""
+        ends = mean_pose(self._past, self.particles.weights)
+        lines = self.steps.lines.copy()
+        latest = lines[-len(ends) :]
+        lengths = np.hypot(*(latest[:, 2:] - latest[:, :2]).T)[:, None]
+        along = np.stack((np.cos(ends[:, 2]), np.sin(ends[:, 2])), axis=-1)
+        latest[:] = np.hstack((ends[:, :2] - lengths * along, ends[:, :2]))
+        self.steps = replace(self.steps, lines=lines)
+        self.frame = compose(self._latest, inverse(self.particles.mean))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What it cannot be told by the steps as the odometer has them, as arrays (copies)."""
+        return {
+            "trail.lines": self.steps.lines.copy(),
+            "trail.past": self._past.copy(),
+            "trail.weights": self.particles.weights.copy(),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray], steps: Steps) -> None:
+        """Become what gave `state`.
+
+        Args:
+            state: The arrays.
+            steps: All steps, as the odometer has them.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        config, count = self._config, len(steps.lines)
+        shapes: dict[str, Shape] = {
+            "trail.lines": (count, 4),
+            "trail.past": (min(count, config.remembered), config.particles, 3),
+            "trail.weights": (config.particles,),
+        }
+        check_shapes(state, shapes)
+        check_finite(state, *shapes)
+        weights = state["trail.weights"]
+        if not (weights > 0).all() or abs(weights.sum() - 1.0) > _SUM:
+            raise InputError("trail.weights", "positive shares that sum to 1", "others")
+        for name in ("trail.lines", "trail.past"):
+            if (np.abs(state[name]) > 2 * FARTHEST).any():
+                raise InputError(name, f"coordinates within ±{2 * FARTHEST:g} m", "others")
+        lines = state["trail.lines"]
+        lengths, known = (np.hypot(*(each[:, 2:] - each[:, :2]).T) for each in (lines, steps.lines))
+        if not np.allclose(lengths, known, rtol=1e-3, atol=1e-3):
+            raise InputError("trail.lines", "lengths as the odometer has them", "others")
+        self.steps = replace(steps, lines=lines.copy())
+        self._past = state["trail.past"].copy()
+        self.particles.weights = weights.copy()
+        if count:
+            self.particles.poses = self._past[-1].copy()
+            self._latest = end_pose(steps.lines[-1])
+            self.frame = compose(self._latest, inverse(self.particles.mean))
+
+
+def end_pose(line: Float64[np.ndarray, "4"]) -> Pose:
+    """The pose at the end of a step, in the direction in which it leads."""
+    return np.array((*line[2:], np.arctan2(line[3] - line[1], line[2] - line[0])))

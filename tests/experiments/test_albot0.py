@@ -1,0 +1,44 @@
+"""What the experiments with Albot0 hold against the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_experiments import albot0_hall, albot0_return
+from albot_maps import load_world
+
+
+def test_a_corridor_is_no_large_room():
+    """The corridor of 27 × 1.8 m has the most floor; where it is split the rooms are not."""
+    world = load_world("random:office:103?rooms=12")
+    rooms = {room.name: room.boundary for room in world.rooms}
+    corridor, office = rooms["corridor 1"], rooms["office 4"]
+    along = np.linspace(corridor.min(axis=0) + 0.8, corridor.max(axis=0) - 0.8, 60)
+    inside = np.linspace(office.min(axis=0) + 1.5, office.max(axis=0) - 1.5, 20)
+    out = np.concatenate((along, inside))
+    assert [world.room_at(*place) for place in inside.tolist()] == ["office 4"] * 20
+    places = np.repeat((0, 1, 2), (30, 30, 20))
+    assert albot0_return._is_whole(world, out, places) is True
+    assert albot0_return._is_whole(world, out[:60], places[:60]) is None
+    places[-5:] = 3
+    assert albot0_return._is_whole(world, out, places) is False
+
+
+def test_ways_drawn_at_random_come_through_the_large_room():
+    world = load_world(albot0_hall.WORLD)
+    low, high = (
+        getattr(albot0_hall._large_room(world).boundary, f)(axis=0) for f in ("min", "max")
+    )
+    for seed in range(10):
+        way = albot0_hall._way_at_random(world, np.random.default_rng(seed))
+        is_inside = ((way > low) & (way < high)).all(axis=1)
+        assert is_inside.any()
+        assert not is_inside[[0, -1]].any()
+        assert {world.room_at(*way[k]) for k in (0, -1)} <= set(albot0_hall.ENDS)
+
+
+def test_a_large_room_is_one_asr_on_a_way_drawn_at_random():
+    """On this way it was split in three, with split points 26 m from its exits."""
+    split = albot0_hall.drive_at_random(load_world(albot0_hall.WORLD), 11)
+    assert split.is_whole
+    assert max(split.distances) < 2.0
