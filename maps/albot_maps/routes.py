@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import shapely
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -21,16 +21,18 @@ CLEARANCE = 0.35
 _Stops = Float64[np.ndarray, "stops 2"]
 _Waypoints = Float64[np.ndarray, "waypoints 2"]
 
-_CELL = 0.1
-"""Distance between neighbouring lattice points (m)."""
+_CELLS = (0.1, 0.05, 0.025)
+"""Distances between neighbouring lattice points (m). The coarsest lattice that has a path is taken:
+in passages narrower than its cells a lattice may have no points."""
 _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 class Routes:
     """Short routes through a world that keep a distance from its walls.
 
-    A shortest path over a lattice of points 0.1 m apart is straightened: each waypoint is the
-    last lattice point on the path in a straight free line from the waypoint before.
+    A shortest path over a lattice of points 0.1 m apart, or less where passages are narrow, is
+    straightened: each waypoint is the last lattice point on the path in a straight free line from
+    the waypoint before.
 
     Args:
         world: The world; its movables are ignored.
@@ -42,6 +44,7 @@ class Routes:
         self._clearance = clearance
         self._floor = FreeSpace(world.walls, clearance).region_at(world.starts[0, :2])
         shapely.prepare(self._floor)
+        self._lattices: dict[float, _Lattice] = {}
 
     def through(self, stops: _Stops) -> _Waypoints:
         """Return the waypoints (m) of a short route through the stops in order, stops included.
@@ -83,15 +86,15 @@ class Routes:
         raise InputError(self._world.source, "a room of this world", repr(name))
 
     def _way(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return the points of a shortest path over the lattice, with `start` and `end` added."""
-        first, last = (int(np.hypot(*(self._lattice - at).T).argmin()) for at in (start, end))
-        _, before = dijkstra(self._graph, directed=False, indices=first, return_predecessors=True)
-        way = [last]
-        while way[-1] != first:
-            way.append(int(before[way[-1]]))
-            if way[-1] < 0:
-                raise InputError(self._world.source, f"a path to {end}", "none")
-        return np.concatenate([[start], self._lattice[way[::-1]], [end]])
+        """Return the points of a shortest path over a lattice, with `start` and `end` added.
+
+        The coarsest lattice that has a path is taken.
+        """
+        for cell in _CELLS:
+            way = self._lattice(cell).way(start, end)
+            if way is not None:
+                return np.concatenate([[start], way, [end]])
+        raise InputError(self._world.source, f"a path to {end}", "none")
 
     def _straightened(self, way: np.ndarray) -> _Waypoints:
         kept = [0]
@@ -101,37 +104,51 @@ class Routes:
                 kept.append(index)
         return way[[*kept, len(way) - 1]]
 
-    @cached_property
-    def _lattice(self) -> np.ndarray:
-        """The free points of the lattice, (n, 2) (m)."""
-        x, y = self._axes
-        return np.stack((x[self._free], y[self._free]), axis=-1)
+    def _lattice(self, cell: float) -> _Lattice:
+        """The free points of a lattice; it is made once."""
+        if cell not in self._lattices:
+            x_min, y_min, x_max, y_max = self._world.bounds
+            x, y = np.meshgrid(
+                np.arange(x_min, x_max, cell), np.arange(y_min, y_max, cell), indexing="ij"
+            )
+            free = np.asarray(shapely.contains_xy(self._floor, x, y))
+            points = np.stack((x[free], y[free]), axis=-1)
+            self._lattices[cell] = _Lattice(points=points, graph=_join(free))
+        return self._lattices[cell]
 
-    @cached_property
-    def _axes(self) -> tuple[np.ndarray, np.ndarray]:
-        x_min, y_min, x_max, y_max = self._world.bounds
-        x, y = np.meshgrid(
-            np.arange(x_min, x_max, _CELL), np.arange(y_min, y_max, _CELL), indexing="ij"
-        )
-        return x, y
 
-    @cached_property
-    def _free(self) -> np.ndarray:
-        return np.asarray(shapely.contains_xy(self._floor, *self._axes))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Lattice:
+    """Points of the floor, each joined to its neighbours."""
 
-    @cached_property
-    def _graph(self) -> csr_matrix:
-        """The graph that joins each free lattice point to its free neighbours."""
-        free = self._free
-        index = np.full(free.shape, -1)
-        index[free] = np.arange(np.count_nonzero(free))
-        ends, lengths = [], []
-        for dx, dy in _STEPS:
-            here = index[: -dx or None, max(0, -dy) : -dy if dy > 0 else None]
-            there = index[dx:, max(0, dy) : dy if dy < 0 else None]
-            both = (here >= 0) & (there >= 0)
-            ends.append((here[both], there[both]))
-            lengths.append(np.full(np.count_nonzero(both), np.hypot(dx, dy)))
-        rows, columns = (np.concatenate(side) for side in zip(*ends, strict=True))
-        count = np.count_nonzero(free)
-        return coo_matrix((np.concatenate(lengths), (rows, columns)), shape=(count, count)).tocsr()
+    points: Float64[np.ndarray, "points 2"]
+    """Where they are (m)."""
+    graph: csr_matrix
+    """Distances from neighbour to neighbour, in cells."""
+
+    def way(self, start: np.ndarray, end: np.ndarray) -> Float64[np.ndarray, "way 2"] | None:
+        """The points of a shortest path from near a place to near another (m); None without."""
+        first, last = (int(np.hypot(*(self.points - at).T).argmin()) for at in (start, end))
+        _, before = dijkstra(self.graph, directed=False, indices=first, return_predecessors=True)
+        way = [last]
+        while way[-1] != first:
+            way.append(int(before[way[-1]]))
+            if way[-1] < 0:
+                return None
+        return np.asarray(self.points[way[::-1]])
+
+
+def _join(free: Bool[np.ndarray, "columns rows"]) -> csr_matrix:
+    """The graph that joins each free lattice point to its free neighbours."""
+    index = np.full(free.shape, -1)
+    index[free] = np.arange(np.count_nonzero(free))
+    ends, lengths = [], []
+    for dx, dy in _STEPS:
+        here = index[: -dx or None, max(0, -dy) : -dy if dy > 0 else None]
+        there = index[dx:, max(0, dy) : dy if dy < 0 else None]
+        both = (here >= 0) & (there >= 0)
+        ends.append((here[both], there[both]))
+        lengths.append(np.full(np.count_nonzero(both), np.hypot(dx, dy)))
+    rows, columns = (np.concatenate(side) for side in zip(*ends, strict=True))
+    count = np.count_nonzero(free)
+    return coo_matrix((np.concatenate(lengths), (rows, columns)), shape=(count, count)).tocsr()

@@ -24,6 +24,13 @@ def test_a_corridor_is_no_large_room():
     assert albot0_return._is_whole(world, out, places) is False
 
 
+def test_a_way_across_leads_through_a_door_hardly_wider_than_the_clearance():
+    """The rooms of seeds 1, 71, 90, 92 and 3012 could not be reached, and the experiment ended."""
+    world = load_world(albot0_return.OFFICE.format(seed=3012))
+    way = albot0_return._way_across(world, 3012)
+    assert world.room_at(*way[0]) != world.room_at(*way[-1])
+
+
 def test_ways_drawn_at_random_come_through_the_large_room():
     world = load_world(albot0_hall.WORLD)
     low, high = (

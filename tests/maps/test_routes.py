@@ -43,6 +43,20 @@ def test_a_free_line_is_taken_straight(walled):
     assert np.allclose(route, [[0.63, 3.41], [5.42, 3.55], [5.1, 0.77]])
 
 
+@pytest.mark.parametrize("middle", [2.05, 2.025])
+def test_a_way_leads_through_a_door_between_two_rows_of_the_lattice(walled, middle):
+    """Random offices have such doors: `random:office:3012?rooms=12` ended with "found none"."""
+    half = CLEARANCE + 0.01
+    door = np.array([[3, 0, 3, middle - half], [3, middle + half, 3, 4]])
+    walls = np.concatenate((walled.walls[:-1], door))
+    world = World(name="door", walls=walls, starts=walled.starts, source="door")
+    stops = np.array([[1.0, 0.8], [5.0, 3.0]])
+    route = Routes(world).through(stops)
+    assert np.array_equal(route[[0, -1]], stops)
+    assert shapely.LineString(route).distance(wall_lines(walls)) >= 0.99 * CLEARANCE
+    assert length(route) <= 1.06 * np.hypot(4.0, 2.2)
+
+
 @pytest.mark.parametrize("spec", ["random:apartment:1001", "random:office:1001?rooms=8"])
 def test_routes_keep_clear_and_are_short(spec, lattice):
     world = load_world(spec)
