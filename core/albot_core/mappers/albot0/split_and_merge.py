@@ -58,7 +58,7 @@ def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
     split(journey, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
     count = merge(journey, constants, splits, before, after, residuals)
-    shift(journey, splits[: count + 1])
+    shift(journey, constants, splits[: count + 1], before, after)
     return splits[: count + 1].copy()
 
 
@@ -161,19 +161,34 @@ def residual(
 
 
 @kernel()
-def shift(journey: Journey, splits: np.ndarray) -> None:
+def shift(
+    journey: Journey,
+    constants: Constants,
+    splits: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+) -> None:
     """Shift each split point to where the overall error is least.
 
     It is the squared error (as usual, says the paper) with which the average widths of the two
     regions stand for the widths of their steps. As in h ratios count, so that widths are compared
     by their logarithms. The sum over all regions falls with each shift, so that there is an end.
+
+    A split point stays where it is if one of the regions would have to be split again: else one
+    that parts a doorway from a room may leave for the end of a corridor far away, which was merged
+    with that room, and the doorway would be part of the room.
     """
     moved = True
     while moved:
         moved = False
         for k in range(1, splits.shape[0] - 1):
-            best = best_split(journey, splits[k - 1], splits[k], splits[k + 1])
-            if best != splits[k]:
+            first, last = splits[k - 1], splits[k + 1]
+            best = best_split(journey, first, splits[k], last)
+            if best == splits[k]:
+                continue
+            one = residual(journey, constants, first, best, before, after)[1]
+            other = residual(journey, constants, best, last, before, after)[1]
+            if max(one, other) <= constants.threshold:
                 splits[k], moved = best, True
 
 

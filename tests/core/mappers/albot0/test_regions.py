@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,7 +16,12 @@ from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.paths import ECHOES, Steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
-from albot_core.mappers.albot0.split_and_merge import homogeneity, regularisation
+from albot_core.mappers.albot0.split_and_merge import (
+    Journey,
+    homogeneity,
+    regularisation,
+    residual,
+)
 
 CONFIG = RegionConfig()
 LEAST = CONFIG.constants
@@ -40,6 +46,16 @@ def split(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
     for swath in steps.swaths:
         ground.add(swath)
     return split_journey(steps.lines, widths.sum(axis=1), steps.begins, ground, CONFIG)
+
+
+def journey_of(lines: np.ndarray, widths: np.ndarray) -> Journey:
+    """What split and merge works on."""
+    steps, ground = steps_of(lines, widths), Ground()
+    for swath in steps.swaths:
+        ground.add(swath)
+    starts, faces, areas = ground.index
+    lengths, seen = np.hypot(*(lines[:, 2:] - lines[:, :2]).T), np.zeros(len(areas) + 1, np.int64)
+    return Journey(lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
 
 
 def straight(widths: list[float]) -> Regions:
@@ -75,6 +91,25 @@ def test_a_room_that_is_hardly_wider_is_none():
 def test_a_split_point_is_shifted_to_the_door():
     """The robot paths that make the first split end before and after the door."""
     assert straight([2.0] * 11 + [6.0] * 7 + [2.0] * 11).splits.tolist() == [0, 11, 18, 29]
+
+
+def test_a_doorway_between_two_rooms_keeps_its_split_points():
+    """The corridor is not told apart from the first room. Its end is the better split point, but
+    then the doorway would be in one region with a room three times as wide."""
+    regions = straight([2.2] * 15 + [3.3] * 42 + [1.0] + [5.5] * 9)
+    assert regions.splits.tolist() == [0, 57, 58, 67]
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10**6))
+def test_no_region_would_have_to_be_split_again(seed):
+    lines, widths = wandering(seed)
+    widths[np.random.default_rng(seed).integers(0, len(widths), 3)] = 0.4
+    journey, regions = journey_of(lines, widths), split(lines, widths)
+    before, after = np.empty((2, 2, len(lines)))
+    for first, last in pairwise(regions.splits.tolist()):
+        _, greatest = residual(journey, LEAST, first, last, before, after)
+        assert greatest <= CONFIG.threshold
 
 
 def test_equation_1_by_hand():
