@@ -50,7 +50,8 @@ ExploreEnv.step = step
 def environment(folder: Path, what: str = "") -> dict[str, str]:
     (folder / "sitecustomize.py").write_text(BROKEN.format(what=what) if what else "")
     paths = [str(folder), *(path for path in sys.path if path)]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "100"}
+    ours = {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "100"}
+    return {**os.environ, **ours}
 
 
 def albot(folder: Path, *words: str, what: str = "") -> subprocess.CompletedProcess[str]:

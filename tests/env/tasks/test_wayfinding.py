@@ -194,11 +194,11 @@ def test_settings_that_are_none_are_refused(wrong) -> None:
 
 def test_a_batch_shows_what_a_single_one_shows() -> None:
     observation_config = replace(ObservationConfig(), parts=(*HOMING_PARTS, *NEW), laser_sectors=12)
-    settings = {"world": "random:office:3", "config": HomingConfig(observations=observation_config)}
+    settings = {"world": "random:office:8", "config": HomingConfig(observations=observation_config)}
     batch = gymnasium.make_vec("Albot/Homing-v0", 2, "vector_entry_point", **settings)
     singles = [gymnasium.make("Albot/Homing-v0", **settings) for _ in range(2)]
-    rows, _ = batch.reset(seed=11)
-    alone = [env.reset(seed=11 + i)[0] for i, env in enumerate(singles)]
+    rows, _ = batch.reset(seed=18)
+    alone = [env.reset(seed=18 + i)[0] for i, env in enumerate(singles)]
     rng = np.random.default_rng(0)
     shown = []
     for _ in range(120):

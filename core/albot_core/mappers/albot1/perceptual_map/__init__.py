@@ -10,7 +10,8 @@ What `albot1` does in place of algorithms 1 and 2:
 
 - `submap`: what is seen and what is remembered nearby, as rows to compare,
 - `submap_matching`: where the robot is by all of it,
-- `range_profile`: the likeliest turn between two views,
+- `motion_search`: the likeliest motions between two views,
+- `range_profile`: how well two views agree at each turn,
 - `odometer_error`: how far the odometer is off, learnt on the way,
 - `consistency`: whether the robot was carried away.
 """

@@ -171,7 +171,6 @@ def match_submap(
     found = match_landmarks(
         current.edges, seen, expected, pm.edges, slots, chosen, limits, landmarks
     )
-
     for k in range(current.size[0]):
         row = landmarks[k, ROW]
         current.slots[k] = slots[row] if row >= 0 else NOT_RECOGNIZED
