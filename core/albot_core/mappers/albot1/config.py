@@ -185,8 +185,8 @@ class Albot1Config:
     """The one landmark is the longest, as the text at figure 3.11 says; otherwise that of the
     highest goodness, eq. (3.5). Matters only where one landmark localises the robot."""
     turn_search: float = np.radians(50.0)
-    """Largest error of the odometer's turn that is searched (rad); with `submap_matching` that is so
-    as long as a match is sure."""
+    """Largest error of the odometer's turn that is searched (rad); with `submap_matching` as long
+    as a match is sure."""
     turn_cost: float = np.radians(6.0)
     """Least scale of the odometer's errors of turn (rad). A turn that differs from the odometer's
     costs by the difference in scales, as Student's t has it: an odometer that slips may be off by
