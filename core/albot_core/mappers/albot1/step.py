@@ -60,7 +60,7 @@ class BatchArrays(NamedTuple):
     progress: np.ndarray
     """(n, 5) int64: how far it has come (see `mapping`)."""
     odometers: np.ndarray
-    """(n, 4) float64: what it has learnt of its odometer (see `odometer_error`)."""
+    """(n, 5) float64: what it has learnt of its odometer (see `odometer_error`)."""
     since: np.ndarray
     """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
     poses: np.ndarray
