@@ -36,8 +36,7 @@ def measure_splitting(paths: int = _PATHS, rounds: int = 5) -> list[dict[str, fl
         steps = join_steps(steps, replace(lap, lines=moved.reshape(-1, 4)))
     last = np.flatnonzero(steps.begins)[paths] if steps.begins.sum() > paths else len(steps.lines)
     steps, ground, config = steps.part(slice(0, int(last))), Ground(), RegionConfig()
-    for swath in steps.swaths:
-        ground.add(swath)
+    ground.add(steps.swaths)
     took, regions, widths = np.inf, 0, steps.widths.sum(axis=1)
     for _ in range(rounds):
         started = time.process_time()

@@ -1,27 +1,30 @@
-"""How far it is from anywhere to the nearest of some echoes, on a grid."""
+"""How far it is from anywhere to the nearest of some echoes, squared, on a grid."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.ndimage import distance_transform_edt, maximum_filter
 
-from albot_core.geometry.types import Points, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.albot0.paths import Steps
+from albot_core.mappers.albot0.paths import PLACES, SONARS, Steps
 
-_CELL = 0.1
+CELL = 0.1
 """Size of a cell (m)."""
-_WIDE = 3
-"""The sound's way is so many cells wide."""
+_CLEAR = 0.2
+"""The sound's way is looked at every so often (m), and ends so far before the echo. It is three
+cells wide."""
 
 
 class EchoField:
-    """A likelihood field: the distance to the nearest echo, up to a limit.
+    """A likelihood field: the squared distance to the nearest echo, up to a limit.
 
     The limit is lower where no sound went: there an echo may come from what was not heard yet.
+
+    Attributes:
+        corner: (2,): where the first cell begins (m).
+        squares: (columns, rows): the squared distance in each cell (m²).
+        outside: The squared distance outside (m²).
 
     Args:
         steps: On which the echoes were heard.
@@ -30,53 +33,75 @@ class EchoField:
     """
 
     def __init__(self, steps: Steps, farthest: float, unknown: float) -> None:
-        self._unknown = unknown
-        self._corner = np.zeros(2)
-        self._distances = np.full((1, 1), unknown)
-        points = steps.echo_points
-        if not len(points):
-            return
-        clear = steps.clear_points
-        covered, margin = np.concatenate((points, clear)), farthest + 2 * _CELL
-        self._corner = covered.min(axis=0) - margin
-        size = self._cells(covered.max(axis=0) + margin) + 1
-        is_free, is_known = np.ones(size, np.bool_), np.zeros(size, np.bool_)
-        is_free[tuple(self._cells(points).T)] = False
-        is_known[tuple(self._cells(clear).T)] = True
-        limits = np.where(maximum_filter(is_known, _WIDE), farthest, unknown)
-        self._distances = np.minimum(_CELL * distance_transform_edt(is_free), limits)
-
-    def misfits(self, poses: Poses, points: Points) -> Float64[np.ndarray, "poses"]:
-        """Squared distances to the nearest echo, or the limit, summed over some points (m²).
-
-        Args:
-            poses: From which the points may be seen.
-            points: In the frame of each pose (m).
-        """
-        return np.asarray(sum_squares(poses, points, self._corner, self._distances, self._unknown))
-
-    def _cells(self, points: Points) -> np.ndarray:
-        return np.floor((points - self._corner) / _CELL).astype(np.int64)
+        self.outside = unknown**2
+        self.corner = np.zeros(2)
+        self.squares = np.full((1, 1), self.outside)
+        if steps.heard.any():
+            limits = float(farthest), float(unknown)
+            self.corner, self.squares = _field(steps.lines, steps.echoes, steps.heard, limits)
 
 
 @kernel(arrays=True)
-def sum_squares(
-    poses: np.ndarray,
-    points: np.ndarray,
-    corner: np.ndarray,
-    distances: np.ndarray,
-    unknown: float,
-) -> np.ndarray:
-    """What `EchoField.misfits` returns; `unknown` counts outside the grid."""
-    sums = np.zeros(poses.shape[0])
-    for k in range(poses.shape[0]):
-        cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
-        x, y = poses[k, 0] - corner[0], poses[k, 1] - corner[1]
-        for i in range(points.shape[0]):
-            column = math.floor((x + cos * points[i, 0] - sin * points[i, 1]) / _CELL)
-            row = math.floor((y + sin * points[i, 0] + cos * points[i, 1]) / _CELL)
-            away = unknown
-            if 0 <= column < distances.shape[0] and 0 <= row < distances.shape[1]:
-                away = distances[int(column), int(row)]
-            sums[k] += away * away
-    return sums
+def _field(
+    lines: np.ndarray, echoes: np.ndarray, heard: np.ndarray, limits: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The corner and the squares of the field of some echoes, one at least."""
+    farthest, unknown = limits
+    rays = _rays(lines, echoes, heard)
+    reach = math.ceil(max(farthest, unknown) / CELL) + 1
+    corner, size = np.empty(2), np.empty(2, np.int64)
+    for axis in range(2):
+        ends = rays[:, axis::2]
+        corner[axis] = ends.min() - reach * CELL
+        size[axis] = int((ends.max() - corner[axis]) / CELL) + reach + 1
+    squares = np.full((size[0], size[1]), unknown * unknown)
+    for k in range(rays.shape[0]):
+        _pass(rays[k], corner, squares, farthest * farthest)
+    # First the limits, where the sound went; then around each echo what is below them.
+    is_echo = np.zeros(squares.shape, np.bool_)
+    for k in range(rays.shape[0]):
+        column, row = int((rays[k, 2] - corner[0]) / CELL), int((rays[k, 3] - corner[1]) / CELL)
+        if not is_echo[column, row]:
+            is_echo[column, row] = True
+            for i in range(-reach, reach + 1):
+                for j in range(-reach, reach + 1):
+                    square = CELL * CELL * (i * i + j * j)
+                    if square < squares[column + i, row + j]:
+                        squares[column + i, row + j] = square
+    return corner, squares
+
+
+@kernel(arrays=True)
+def _rays(lines: np.ndarray, echoes: np.ndarray, heard: np.ndarray) -> np.ndarray:
+    """Where the robot heard each echo, and where it came from (echoes, 4) (m)."""
+    rays, count = np.empty((heard.size, 4)), 0
+    for step in range(lines.shape[0]):
+        x, y, to_x, to_y = lines[step]
+        east, north = to_x - x, to_y - y
+        length = math.hypot(east, north)
+        for k in range(heard.shape[1]):
+            if heard[step, k]:
+                share = (k // SONARS + 0.5) / PLACES
+                ahead, left = echoes[step, k, 0] / length, echoes[step, k, 1] / length
+                rays[count, 0] = x + share * east
+                rays[count, 1] = y + share * north
+                rays[count, 2] = x + ahead * east - left * north
+                rays[count, 3] = y + ahead * north + left * east
+                count += 1
+    return rays[:count]
+
+
+@kernel()
+def _pass(ray: np.ndarray, corner: np.ndarray, squares: np.ndarray, limit: float) -> None:
+    """Set a limit where the sound went (m²)."""
+    east, north = ray[2] - ray[0], ray[3] - ray[1]
+    away = math.hypot(east, north)
+    gone = _CLEAR
+    while gone < away - _CLEAR:
+        share = gone / away
+        column = int((ray[0] + share * east - corner[0]) / CELL)
+        row = int((ray[1] + share * north - corner[1]) / CELL)
+        for i in range(column - 1, column + 2):
+            for j in range(row - 1, row + 2):
+                squares[i, j] = limit
+        gone += _CLEAR

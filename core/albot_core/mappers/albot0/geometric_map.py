@@ -44,8 +44,7 @@ class GeometricMap:
 
     def extend(self, steps: Steps) -> None:
         """Add what follows, and split the whole journey anew."""
-        for swath in steps.swaths:
-            self._ground.add(swath)
+        self._ground.add(steps.swaths)
         self.steps = join_steps(self.steps, steps)
         self.regions = self._split()
 

@@ -13,14 +13,17 @@ from typing import Any
 import numpy as np
 import shapely
 from jaxtyping import Float64, Int64
+from shapely.errors import GEOSException
 
 from albot_core.geometry.poses import inverse, transform_points
 
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell."""
 _GRID = 1e-3
-"""Swaths are cut on a grid of this spacing (m). Without one, shapely finds no answer where edges
-all but coincide; or a wrong one, without saying so."""
+"""Where edges all but coincide, swaths are cut on a grid of this spacing (m). There shapely without
+one finds no answer, or a wrong one without saying so."""
+_MISFIT = 1e-6
+"""By no more than this may the areas of the parts of a cut be off that of the whole (m²)."""
 _INSET = 2e-3
 """By this share of its size a swath is made smaller when it is asked which faces it overlaps."""
 _POLYGONAL = (3, 6)
@@ -42,45 +45,43 @@ class Ground:
         self._areas = np.empty(64)
         self._covers: list[list[int]] = []
 
-    def add(self, corners: Float64[np.ndarray, "corners 2"]) -> None:
-        """Add the next swath, a polygon that may cross itself (m)."""
+    def add(self, swaths: Float64[np.ndarray, "swaths corners 2"]) -> None:
+        """Add the next swaths, polygons that may cross themselves (m)."""
+        if not len(swaths):
+            return
         if not self.count:
-            edge = corners[1] - corners[0]
-            self._frame = inverse(np.array((*corners[0], np.arctan2(edge[1], edge[0]))))
+            edge = swaths[0, 1] - swaths[0, 0]
+            self._frame = inverse(np.array((*swaths[0, 0], np.arctan2(edge[1], edge[0]))))
         # The grid lies as the first swath does, so that areas do not depend on the journey's frame.
-        corners = transform_points(self._frame, corners)
-        number, swath = self.count, _polygonal(shapely.make_valid(shapely.polygons(corners)))
-        self.count += 1
+        swaths = transform_points(self._frame, swaths)
         # Steps that follow each other touch: what reaches no farther in is not cut.
-        inner = corners + _INSET * (corners.mean(axis=0) - corners)
-        boxes = self._boxes[: len(self._faces)]
-        is_near = (boxes[:, :2] < inner.max(axis=0)) & (boxes[:, 2:] > inner.min(axis=0))
-        near = np.flatnonzero(is_near.all(axis=1))
-        faces = np.array([self._faces[face] for face in near.tolist()], object)
-        reaches_in = shapely.intersects(shapely.polygons(inner), faces)
-        rest = swath
-        if reaches_in.any():
-            rest = self._cut(near[reaches_in], faces[reaches_in], swath, number)
-        if rest.area > _SLIVER:
-            self._add_face(rest, [number])
+        inner = swaths + _INSET * (swaths.mean(axis=1, keepdims=True) - swaths)
+        shapes, inner_shapes = shapely.make_valid(shapely.polygons(swaths)), shapely.polygons(inner)
+        least, most = inner.min(axis=1), inner.max(axis=1)
+        for k, shape in enumerate(shapes):
+            boxes = self._boxes[: len(self._faces)]
+            is_near = (boxes[:, :2] < most[k]) & (boxes[:, 2:] > least[k])
+            near = np.flatnonzero(is_near[:, 0] & is_near[:, 1])
+            faces = np.array([self._faces[face] for face in near.tolist()], object)
+            reaches_in = shapely.intersects(inner_shapes[k], faces)
+            rest, number = _polygonal(shape), self.count
+            self.count += 1
+            if reaches_in.any():
+                rest = self._cut(near[reaches_in], faces[reaches_in], rest, number)
+            if rest.area > _SLIVER:
+                self._add_face(rest, [number])
 
     def _cut(self, near: Int64[np.ndarray, "some"], faces: Any, swath: Any, number: int) -> Any:
         """Cut faces along a swath; returns what of it covers none of them."""
-        common = shapely.intersection(faces, swath, grid_size=_GRID)
-        covered = shapely.area(common) > _SLIVER
-        if not covered.any():
-            return swath
-        faces, common, near = faces[covered], common[covered], near[covered]
-        outside = shapely.difference(faces, swath, grid_size=_GRID)
-        left_over = shapely.area(outside) > _SLIVER
+        common, outside, rest = _overlay(faces, swath)
+        covered, left_over = shapely.area(common) > _SLIVER, shapely.area(outside) > _SLIVER
         for k, face in enumerate(near.tolist()):
-            if left_over[k]:
+            if covered[k] and left_over[k]:
                 self._set_face(face, _polygonal(outside[k]))
                 self._add_face(_polygonal(common[k]), [*self._covers[face], number])
-            else:
+            elif covered[k]:
                 self._covers[face].append(number)
-        known = shapely.union_all(faces, grid_size=_GRID)
-        return _polygonal(shapely.difference(swath, known, grid_size=_GRID))
+        return _polygonal(rest)
 
     @property
     def index(
@@ -108,6 +109,28 @@ class Ground:
         self._faces[index] = face
         self._boxes[index] = face.bounds
         self._areas[index] = face.area
+
+
+def _overlay(faces: Any, swath: Any, grid: float | None = None) -> tuple[Any, Any, Any]:
+    """What faces have in common with a swath; what they have outside it; the rest of the swath.
+
+    They are found without a grid first, which is several times as fast.
+    """
+    try:
+        common = shapely.intersection(faces, swath, grid_size=grid)
+        outside = shapely.difference(faces, swath, grid_size=grid)
+        known = faces[0] if len(faces) == 1 else shapely.union_all(faces, grid_size=grid)
+        rest = shapely.difference(swath, known, grid_size=grid)
+    except GEOSException:
+        if grid is not None:
+            raise
+        return _overlay(faces, swath, _GRID)
+    shared = shapely.area(common)
+    misfit = np.abs(shared + shapely.area(outside) - shapely.area(faces)).sum()
+    misfit += abs(shared.sum() + rest.area - swath.area)
+    if grid is None and misfit > _MISFIT:
+        return _overlay(faces, swath, _GRID)
+    return common, outside, rest
 
 
 def _polygonal(shape: Any) -> Any:

@@ -7,12 +7,14 @@ weighed by how near the echoes heard come to echoes that are known.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.geometry.poses import compose
-from albot_core.geometry.types import Points, Pose, Poses
-from albot_core.mappers.albot0.echo_field import EchoField
+from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.albot0.echo_field import CELL, EchoField
 
 _LEAST = 1e-12
 """The least weight of a particle, as a share of the greatest."""
@@ -22,8 +24,9 @@ class Particles:
     """Poses where the robot may be, with their weights.
 
     Attributes:
-        poses: The poses (m, m, rad).
-        weights: Their weights, which sum to 1.
+        poses: (particles, 3): the poses (m, m, rad). Headings are not wrapped, so that their mean
+            is one.
+        weights: (particles,): their weights, which sum to 1.
 
     Args:
         pose: Where all are at first.
@@ -32,12 +35,14 @@ class Particles:
     """
 
     def __init__(self, pose: Pose, count: int, rng: np.random.Generator) -> None:
-        self.poses: Poses = np.repeat(pose[None], count, axis=0)
-        self.weights = np.full(count, 1.0 / count)
+        self.poses: Float64[np.ndarray, "particles 3"] = np.repeat(pose[None], count, axis=0)
+        self.weights: Float64[np.ndarray, "particles"] = np.full(count, 1.0 / count)
         self._rng = rng
 
     def move(self, motion: Pose, drift: float, turned: float, slip: float) -> None:
         """Move all particles, each with errors of its own.
+
+        The errors' mean is taken off: the mean of few draws would lead the robot astray.
 
         Args:
             motion: How the odometer has the robot moved.
@@ -45,14 +50,25 @@ class Particles:
             turned: …and after one radian of turn (rad/√rad).
             slip: Standard deviation of the place's error after one metre (m/√m).
         """
+        x, y, turn = motion.tolist()
+        gone = math.hypot(x, y)
+        heading = math.sqrt(drift**2 * gone + turned**2 * abs(turn))
         errors = self._rng.standard_normal(self.poses.shape)
-        gone = np.hypot(motion[0], motion[1])
-        errors[:, :2] *= slip * np.sqrt(gone)
-        errors[:, 2] *= np.sqrt(drift**2 * gone + turned**2 * abs(motion[2]))
-        # The robot first errs in its heading, then goes.
-        self.poses[:, 2] += errors[:, 2]
-        self.poses = compose(self.poses, motion)
-        self.poses[:, :2] += errors[:, :2]
+        spread = slip * math.sqrt(gone)
+        _move(self.poses, self.weights, errors, x, y, turn, spread, heading)
+
+    def weigh_moves(
+        self, before: Float64[np.ndarray, "particles 3"], surfaces: Segments, factor: float
+    ) -> None:
+        """Weigh the particles by whether they came through a surface.
+
+        Args:
+            before: Where they came from.
+            surfaces: The surfaces (m).
+            factor: Factor of the weight of those that did.
+        """
+        _weigh_moves(before, self.poses, self.weights, surfaces, factor)
+        _normalise(self.weights)
 
     def weigh(self, points: Points, field: EchoField, spread: float, alike: float) -> None:
         """Weigh the particles by how near to known echoes points seen from them are.
@@ -65,25 +81,20 @@ class Particles:
         """
         if not len(points):
             return
-        misfits = field.misfits(self.poses, points) / spread**2
-        total = 0.5 * misfits / alike - np.log(self.weights)
+        misfits = sum_squares(self.poses, points, field.corner, field.squares, field.outside)
+        total = 0.5 * misfits / (alike * spread**2) - np.log(self.weights)
         # The best one is taken off in the exponent, and none is ruled out.
         self.weights = np.exp(total.min() - total)
-        self.normalise()
+        _normalise(self.weights)
 
-    def normalise(self) -> None:
-        """Have the weights sum to 1, none of them 0."""
-        weights = np.maximum(self.weights, _LEAST * self.weights.max())
-        self.weights = weights / weights.sum()
-
-    def resample(self) -> Int64[np.ndarray, "particles"] | None:
+    def resample(self) -> Int64[np.ndarray, "particles"]:
         """Draw the particles anew where few of them have most of the weight (low variance).
 
-        Returns which were drawn; None where all stayed.
+        Returns which were drawn; where few do not, each once.
         """
         count = len(self.weights)
         if np.square(self.weights).sum() * count < 2.0:
-            return None
+            return np.arange(count)
         drawn = (self._rng.random() + np.arange(count)) / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), drawn), count - 1)
         self.poses = self.poses[chosen]
@@ -92,14 +103,106 @@ class Particles:
 
     @property
     def mean(self) -> Pose:
-        """The mean pose."""
-        return mean_pose(self.poses, self.weights)
+        """The mean pose, its heading not wrapped."""
+        return np.asarray(np.einsum("k,ki->i", self.weights, self.poses))
 
 
-def mean_pose(
-    poses: Float64[np.ndarray, "*some particles 3"], weights: Float64[np.ndarray, "particles"]
-) -> Float64[np.ndarray, "*some 3"]:
-    """The weighted mean of poses."""
-    places = np.moveaxis(poses[..., :2], -1, 0) @ weights
-    heading = np.angle(np.exp(1j * poses[..., 2]) @ weights)
-    return np.asarray(np.stack((*places, heading), axis=-1))
+@kernel()
+def _move(
+    poses: np.ndarray,
+    weights: np.ndarray,
+    errors: np.ndarray,
+    x: float,
+    y: float,
+    turn: float,
+    spread: float,
+    heading: float,
+) -> None:
+    """Move particles; the standard deviations are `spread` (m) and `heading` (rad)."""
+    means = (0.0, 0.0, 0.0)
+    for k in range(poses.shape[0]):
+        means = (
+            means[0] + weights[k] * errors[k, 0],
+            means[1] + weights[k] * errors[k, 1],
+            means[2] + weights[k] * errors[k, 2],
+        )
+    for k in range(poses.shape[0]):
+        # The robot first errs in its heading, then goes.
+        direction = poses[k, 2] + heading * (errors[k, 2] - means[2])
+        cos, sin = math.cos(direction), math.sin(direction)
+        poses[k, 0] += cos * x - sin * y + spread * (errors[k, 0] - means[0])
+        poses[k, 1] += sin * x + cos * y + spread * (errors[k, 1] - means[1])
+        poses[k, 2] = direction + turn
+
+
+@kernel(arrays=True)
+def _weigh_moves(
+    before: np.ndarray, poses: np.ndarray, weights: np.ndarray, surfaces: np.ndarray, factor: float
+) -> None:
+    """What `Particles.weigh_moves` does, but for making the sum 1 again."""
+    least, most = np.full(2, math.inf), np.full(2, -math.inf)
+    for k in range(poses.shape[0]):
+        for axis in range(2):
+            least[axis] = min(least[axis], before[k, axis], poses[k, axis])
+            most[axis] = max(most[axis], before[k, axis], poses[k, axis])
+    went_through = np.zeros(poses.shape[0], np.bool_)
+    for i in range(surfaces.shape[0]):
+        x, y, u, v = surfaces[i]
+        if max(x, u) < least[0] or min(x, u) > most[0]:
+            continue
+        if max(y, v) < least[1] or min(y, v) > most[1]:
+            continue
+        for k in range(poses.shape[0]):
+            from_x, from_y, to_x, to_y = before[k, 0], before[k, 1], poses[k, 0], poses[k, 1]
+            # Either pair of ends lies on both sides of the other's line.
+            one = (u - x) * (from_y - y) - (v - y) * (from_x - x)
+            other = (u - x) * (to_y - y) - (v - y) * (to_x - x)
+            if one * other < 0.0:
+                one = (to_x - from_x) * (y - from_y) - (to_y - from_y) * (x - from_x)
+                other = (to_x - from_x) * (v - from_y) - (to_y - from_y) * (u - from_x)
+                went_through[k] |= one * other < 0.0
+    for k in range(poses.shape[0]):
+        if went_through[k]:
+            weights[k] *= factor
+
+
+@kernel(arrays=True)
+def _normalise(weights: np.ndarray) -> None:
+    """Have the weights sum to 1, none of them 0."""
+    least, total = _LEAST * weights.max(), 0.0
+    for k in range(weights.shape[0]):
+        weights[k] = max(weights[k], least)
+        total += weights[k]
+    for k in range(weights.shape[0]):
+        weights[k] /= total
+
+
+@kernel(arrays=True)
+def sum_squares(
+    poses: np.ndarray,
+    points: np.ndarray,
+    corner: np.ndarray,
+    squares: np.ndarray,
+    outside: float,
+) -> np.ndarray:
+    """Squared distances to the nearest echo, summed over points seen from each pose (m²).
+
+    Args:
+        poses: (poses, 3): from which the points are seen.
+        points: (points, 2): in the frame of each pose (m).
+        corner: Of the field (see `EchoField`).
+        squares: Of the field.
+        outside: Of the field.
+    """
+    sums = np.zeros(poses.shape[0])
+    for k in range(poses.shape[0]):
+        cos, sin = math.cos(poses[k, 2]) / CELL, math.sin(poses[k, 2]) / CELL
+        x, y = (poses[k, 0] - corner[0]) / CELL, (poses[k, 1] - corner[1]) / CELL
+        for i in range(points.shape[0]):
+            column = x + cos * points[i, 0] - sin * points[i, 1]
+            row = y + sin * points[i, 0] + cos * points[i, 1]
+            if 0.0 <= column < squares.shape[0] and 0.0 <= row < squares.shape[1]:
+                sums[k] += squares[int(column), int(row)]
+            else:
+                sums[k] += outside
+    return sums

@@ -13,10 +13,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Points, Segments
+from albot_core.geometry.types import Segments
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.stored_arrays import LONGEST
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import SonarGeometry, SonarScan
@@ -30,14 +30,12 @@ _SPACING = 0.02
 """The robot has moved since the last sample if it has gone so far (m)."""
 _CELL = 0.1
 """Widths along a path are compared at places about this far apart (m)."""
-_PLACES, _SONARS = 6, 8
+PLACES, SONARS = 6, 8
 """Of each step the echoes at so many places are kept, of so many sonars at the most."""
-ECHOES = _PLACES * _SONARS
+ECHOES = PLACES * SONARS
 """So many echoes of each step are kept at the most."""
 _FARTHEST_ECHO = 12.0
 """Echoes from farther away (m) are left out: a sonar's cone is too wide there to tell the place."""
-_CLEAR = 0.2
-"""Points that the sound passed are so far apart (m), and from where it was thrown back."""
 _NARROWEST = 0.05
 """No surface is taken to be nearer to the robot's middle than this (m)."""
 FARTHEST = 1e7
@@ -111,37 +109,11 @@ class Steps:
     @property
     def swaths(self) -> Float64[np.ndarray, "segments 4 2"]:
         """The corners of the ground beside each step (m)."""
-        start, end = self.lines[:, :2], self.lines[:, 2:]
-        along = (end - start) / np.hypot(*(end - start).T)[:, None]
-        aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
-        left, right = self.widths[:, :1] * aside, -self.widths[:, 1:] * aside
-        return np.stack((start + left, start + right, end + right, end + left), axis=1)
+        return _swaths(self.lines, self.widths)
 
     @cached_property
-    def echo_points(self) -> Points:
-        """Where the echoes came from (m)."""
-        step = np.nonzero(self._heard)[0]
-        start, way = self.lines[:, :2], self.lines[:, 2:] - self.lines[:, :2]
-        along = way / np.hypot(*way.T)[:, None]
-        aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
-        ahead, left = self.echoes[self._heard].T[..., None]
-        return np.asarray(start[step] + ahead * along[step] + left * aside[step])
-
-    @property
-    def clear_points(self) -> Points:
-        """Points between the robot and where the echoes came from, which the sound passed (m)."""
-        heard = self._heard
-        shares = (np.arange(ECHOES) // _SONARS + 0.5)[:, None] / _PLACES
-        start, end = self.lines[:, None, :2], self.lines[:, None, 2:]
-        robots = (start + shares * (end - start))[heard]
-        away = self.echo_points - robots
-        lengths = np.maximum(np.hypot(*away.T), _SPACING)[:, None]
-        gone = np.arange(_CLEAR, lengths.max(initial=0.0), _CLEAR)
-        points = robots[:, None] + (gone / lengths)[..., None] * away[:, None]
-        return np.asarray(points[gone < lengths - _CLEAR])
-
-    @cached_property
-    def _heard(self) -> Bool[np.ndarray, "segments echoes"]:
+    def heard(self) -> Bool[np.ndarray, "segments echoes"]:
+        """Which of the echoes were heard, and near enough to tell a place."""
         away = np.hypot(self.echoes[..., 0], self.echoes[..., 1])
         return np.asarray((away > 0.0) & (away <= _FARTHEST_ECHO))
 
@@ -183,7 +155,7 @@ or 1); how far the sonars reach (m); the reading's number; x, y of the echoes of
 or of the robot where none was heard."""
 _ECHOED = 10
 """Where in a sample the echoes of all sonars begin."""
-SAMPLE = _ECHOED + 2 * _SONARS
+SAMPLE = _ECHOED + 2 * SONARS
 """The length of a sample."""
 
 
@@ -279,8 +251,7 @@ def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfi
     along = chord / length
     steps = max(1, round(length / config.step))
     cells = steps * max(1, math.ceil(length / steps / _CELL))
-    middles = (np.arange(cells) + 0.5) * length / cells
-    window = 2 * int(min(config.gap / 2 / (length / cells), cells)) + 1
+    half = int(min(config.gap / 2 / (length / cells), cells))
 
     aside = np.array((-along[1], along[0]))
     lefts = (samples[:, 2:4] - samples[:, :2]) @ aside
@@ -291,10 +262,8 @@ def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfi
     for side, column in enumerate(columns):
         echoes = samples[:, 2 + 2 * column : 4 + 2 * column] - samples[0, :2]
         heard = samples[:, 6 + column] > 0
-        profile = np.where(heard, np.clip(np.abs(echoes @ aside), _NARROWEST, reach), reach)
-        nearest = np.abs(middles[:, None] - echoes @ along).argmin(axis=1)
-        closed = _close_gaps(profile[nearest], window)
-        widths[:, side] = np.median(closed.reshape(steps, -1), axis=1)
+        away = np.where(heard, np.clip(np.abs(echoes @ aside), _NARROWEST, reach), reach)
+        widths[:, side] = _widths(echoes @ along, away, length, (steps, cells, half))
         walled[:, side] = widths[:, side] < reach
 
     ends = samples[0, :2] + np.linspace(0.0, length, steps + 1)[:, None] * along
@@ -310,40 +279,107 @@ def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfi
         walled=walled,
         begins=np.arange(steps) == 0,
         readings=samples[first, 9].astype(np.int64),
-        echoes=_echoes_along(samples, ends[:-1], along, length / steps),
+        echoes=_echoes_along(samples, steps, length / steps),
     )
 
 
-def _echoes_along(
-    samples: Float64[np.ndarray, "samples sample"],
-    starts: Float64[np.ndarray, "segments 2"],
-    along: Float64[np.ndarray, "2"],
-    length: float,
-) -> Float64[np.ndarray, "segments echoes 2"]:
-    """The echoes heard at some places along each step of a path, in the steps' frames (m)."""
-    gone = (samples[:, :2] - starts[0]) @ along
-    places = (np.arange(len(starts) * _PLACES) + 0.5) * length / _PLACES
-    nearest = np.abs(gone - places[:, None]).argmin(axis=1)
-    robot, points = samples[nearest, None, :2], samples[nearest, _ECHOED:].reshape(-1, _SONARS, 2)
-    heard = (points != robot).any(axis=-1)
-    away = points - np.repeat(starts, _PLACES, axis=0)[:, None]
-    ahead, left = away @ along, away @ np.array((-along[1], along[0]))
-    echoes = np.where(heard[..., None], np.stack((ahead, left), axis=-1), 0.0)
-    return np.asarray(echoes.reshape(-1, ECHOES, 2))
+@kernel(arrays=True)
+def _swaths(lines: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """What `Steps.swaths` returns."""
+    swaths = np.empty((lines.shape[0], 4, 2))
+    for step in range(lines.shape[0]):
+        x, y, u, v = lines[step]
+        length = math.hypot(u - x, v - y)
+        # To the left of the way, and as long as the ground reaches there; then to the right.
+        for side in range(2):
+            away = widths[step, side] * (1.0 - 2.0 * side) / length
+            east, north = away * (y - v), away * (u - x)
+            swaths[step, side] = x + east, y + north
+            swaths[step, 3 - side] = u + east, v + north
+    return swaths
+
+
+@kernel(arrays=True)
+def _echoes_along(samples: np.ndarray, steps: int, length: float) -> np.ndarray:
+    """The echoes heard at some places along each step of a path, in the steps' frames (m).
+
+    Args:
+        samples: (samples, sample): those of the path, whose first and last lie apart.
+        steps: How many steps it is cut into.
+        length: How long each is (m).
+    """
+    x, y = samples[0, :2]
+    east, north = (samples[-1, :2] - samples[0, :2]) / (steps * length)
+    gone = (samples[:, 0] - x) * east + (samples[:, 1] - y) * north
+    echoes = np.zeros((steps, ECHOES, 2))
+    for step in range(steps):
+        from_x, from_y = x + step * length * east, y + step * length * north
+        for place in range(PLACES):
+            middle = (step + (place + 0.5) / PLACES) * length
+            sample = samples[np.abs(gone - middle).argmin()]
+            for sonar in range(SONARS):
+                u, v = sample[_ECHOED + 2 * sonar], sample[_ECHOED + 2 * sonar + 1]
+                if u != sample[0] or v != sample[1]:
+                    ahead, left, k = u - from_x, v - from_y, SONARS * place + sonar
+                    echoes[step, k] = ahead * east + left * north, left * east - ahead * north
+    return echoes
 
 
 def _wrap(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def _close_gaps(profile: Float64[np.ndarray, "cells"], window: int) -> Float64[np.ndarray, "cells"]:
+@kernel(arrays=True)
+def _widths(
+    ahead: np.ndarray, away: np.ndarray, length: float, counts: tuple[int, int, int]
+) -> np.ndarray:
+    """How far the ground reaches beside each step of a path (m), small gaps closed.
+
+    Args:
+        ahead: See `_profile`.
+        away: Likewise.
+        length: Likewise.
+        counts: How many steps there are; how many cells; how many cells a gap's half has.
+    """
+    steps, cells, half = counts
+    closed = _close_gaps(_profile(ahead, away, length, cells), half)
+    widths, each = np.empty(steps), cells // steps
+    for step in range(steps):
+        widths[step] = np.median(closed[step * each : (step + 1) * each])
+    return widths
+
+
+@kernel(arrays=True)
+def _profile(ahead: np.ndarray, away: np.ndarray, length: float, cells: int) -> np.ndarray:
+    """How far the ground reaches (m) in each of the cells that a path of some length is cut into.
+
+    Args:
+        ahead: (samples,): where along the path each echo came from (m).
+        away: (samples,): how far it came from (m).
+        length: How long the path is (m).
+        cells: How many cells there are.
+    """
+    profile = np.empty(cells)
+    for cell in range(cells):
+        middle = (cell + 0.5) * length / cells
+        profile[cell] = away[np.abs(ahead - middle).argmin()]
+    return profile
+
+
+@kernel(arrays=True)
+def _close_gaps(profile: np.ndarray, half: int) -> np.ndarray:
     """The profile of a side without openings that are narrower than a window of cells.
 
     This is a grey-scale opening of the profile: whatever stands out farther than all that is beside
-    it is cut off, unless it is as wide as the window. Near surfaces stay as they are.
+    it is cut off, unless it is as wide as the window, which reaches `half` cells to either side.
+    Near surfaces stay as they are.
     """
-    nearest = minimum_filter1d(profile, window, mode="constant", cval=np.inf)
-    return np.asarray(maximum_filter1d(nearest, window, mode="constant", cval=-np.inf))
+    nearest, closed = np.empty_like(profile), np.empty_like(profile)
+    for cell in range(profile.shape[0]):
+        nearest[cell] = profile[max(cell - half, 0) : cell + half + 1].min()
+    for cell in range(profile.shape[0]):
+        closed[cell] = nearest[max(cell - half, 0) : cell + half + 1].max()
+    return closed
 
 
 def _sample(pose: tuple[float, float, float], sonar: SonarScan, reading: int) -> Sample:
@@ -362,7 +398,7 @@ def _sample(pose: tuple[float, float, float], sonar: SonarScan, reading: int) ->
         if ranges[index] < max_range:
             east, north = _echo(geometry, index, ranges[index])
         echoes += (x + cos * east - sin * north, y + sin * east + cos * north)
-    echoes += (x, y) * (_SONARS - len(echoes) // 2)
+    echoes += (x, y) * (SONARS - len(echoes) // 2)
     return (*points, *flags, max_range, float(reading), *echoes)
 
 
@@ -376,7 +412,7 @@ def _echo(geometry: SonarGeometry, index: int, distance: float) -> tuple[float, 
 def _kept_sonars(geometry: SonarGeometry) -> tuple[int, ...]:
     """The sonars whose echoes are kept: all, or as many as are kept, spread evenly."""
     count = len(geometry.bearings)
-    kept = min(count, _SONARS)
+    kept = min(count, SONARS)
     return tuple((np.arange(kept) * count // kept).tolist())
 
 

@@ -17,15 +17,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
-from jaxtyping import Float64
-from shapely import STRtree
+from jaxtyping import Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, inverse, relative, transform_points
-from albot_core.geometry.types import Pose
+from albot_core.geometry.poses import compose, inverse, relative
+from albot_core.geometry.types import Poses, Segments
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import EchoField
-from albot_core.mappers.albot0.particles import Particles, mean_pose
+from albot_core.mappers.albot0.particles import Particles
 from albot_core.mappers.albot0.paths import FARTHEST, NO_STEPS, Steps, join_steps
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
@@ -93,26 +92,29 @@ class Trail:
         self.particles = Particles(np.zeros(3), config.particles, rng)
         self.frame = np.zeros(3)
         self._latest = np.zeros(3)
-        self._past = np.empty((0, config.particles, 3))
+        # Where the particles were at the end of each step, and which of them were drawn there. The
+        # latest step takes the row of the oldest.
+        self._past = np.empty((config.remembered, config.particles, 3))
+        self._drawn = np.empty((config.remembered, config.particles), np.int64)
 
     def extend(self, steps: Steps) -> None:
         """Follow the robot along its next steps, which lie as the odometer has them."""
-        before = self._heard_before()
-        field = EchoField(before, self._config.farthest, self._config.unknown)
-        walls = STRtree(shapely.linestrings(before.surfaces.reshape(-1, 2, 2)))
-        for step in range(len(steps.lines)):
-            pose = end_pose(steps.lines[step])
-            self._move(relative(self._latest, pose), walls)
-            self._latest = pose
-            points = steps.part(slice(step, step + 1)).echo_points
-            seen = transform_points(inverse(pose), points)
-            self.particles.weigh(seen, field, self._config.spread, self._config.alike)
-            self._past = np.concatenate((self._past, self.particles.poses[None]))
-            chosen = self.particles.resample()
-            if chosen is not None:
-                self._past = self._past[:, chosen]
+        config, particles, before = self._config, self.particles, self._heard_before()
+        field, surfaces = EchoField(before, config.farthest, config.unknown), before.surfaces
+        lengths = np.hypot(*(steps.lines[:, 2:] - steps.lines[:, :2]).T)
+        poses = np.vstack((self._latest, end_poses(steps.lines)))
+        motions = relative(poses[:-1], poses[1:])
+        for step, (length, motion) in enumerate(zip(lengths.tolist(), motions, strict=True)):
+            came_from = particles.poses.copy()
+            particles.move(motion, config.drift, config.turned, config.slip)
+            particles.weigh_moves(came_from, surfaces, config.through_surface)
+            seen = steps.echoes[step, steps.heard[step]] - (length, 0.0)
+            particles.weigh(seen, field, config.spread, config.alike)
+            row = (len(self.steps.lines) + step) % config.remembered
+            self._past[row] = particles.poses
+            self._drawn[row] = particles.resample()
+        self._latest = poses[-1]
         self.steps = join_steps(self.steps, steps)
-        self._past = self._past[-self._config.remembered :]
         self._lay_out()
 
     def _heard_before(self) -> Steps:
@@ -124,19 +126,10 @@ class Trail:
         away = np.hypot(*(lines[:, 2:] - self.particles.mean[:2]).T)
         return self.steps.part((left > self._config.recent) & (away < _AROUND))
 
-    def _move(self, motion: Pose, walls: STRtree) -> None:
-        """Move all particles; those that go through a surface lose weight."""
-        config, particles = self._config, self.particles
-        before = particles.poses[:, :2]
-        particles.move(motion, config.drift, config.turned, config.slip)
-        moves = shapely.linestrings(np.stack((before, particles.poses[:, :2]), axis=1))
-        crossing = walls.query(moves, predicate="intersects")[0]
-        particles.weights[np.unique(crossing)] *= config.through_surface
-        particles.normalise()
-
     def _lay_out(self) -> None:
         """Lay the latest steps where the particles that are left have them in the mean."""
-        ends = mean_pose(self._past, self.particles.weights)
+        rows = self._rows(len(self.steps.lines))
+        ends = _mean_past(self._past, self._drawn, rows, self.particles.weights)
         lines = self.steps.lines.copy()
         latest = lines[-len(ends) :]
         lengths = np.hypot(*(latest[:, 2:] - latest[:, :2]).T)[:, None]
@@ -145,11 +138,18 @@ class Trail:
         self.steps = replace(self.steps, lines=lines)
         self.frame = compose(self._latest, inverse(self.particles.mean))
 
+    def _rows(self, steps: int) -> Int64[np.ndarray, "remembered"]:
+        """The rows of the steps that are remembered of so many, from the oldest on."""
+        remembered = self._config.remembered
+        return np.arange(max(steps - remembered, 0), steps) % remembered
+
     def state(self) -> dict[str, np.ndarray]:
         """What it cannot be told by the steps as the odometer has them, as arrays (copies)."""
+        rows = self._rows(len(self.steps.lines))
         return {
             "trail.lines": self.steps.lines.copy(),
-            "trail.past": self._past.copy(),
+            "trail.past": self._past[rows],
+            "trail.drawn": self._drawn[rows],
             "trail.weights": self.particles.weights.copy(),
         }
 
@@ -167,11 +167,14 @@ class Trail:
         shapes: dict[str, Shape] = {
             "trail.lines": (count, 4),
             "trail.past": (min(count, config.remembered), config.particles, 3),
+            "trail.drawn": (min(count, config.remembered), config.particles),
             "trail.weights": (config.particles,),
         }
         check_shapes(state, shapes)
         check_finite(state, *shapes)
-        weights = state["trail.weights"]
+        weights, drawn = state["trail.weights"], state["trail.drawn"]
+        if ((drawn < 0) | (drawn >= config.particles)).any():
+            raise InputError("trail.drawn", f"numbers of {config.particles} particles", "others")
         if not (weights > 0).all() or abs(weights.sum() - 1.0) > _SUM:
             raise InputError("trail.weights", "positive shares that sum to 1", "others")
         for name in ("trail.lines", "trail.past"):
@@ -182,14 +185,46 @@ class Trail:
         if not np.allclose(lengths, known, rtol=1e-3, atol=1e-3):
             raise InputError("trail.lines", "lengths as the odometer has them", "others")
         self.steps = replace(steps, lines=lines.copy())
-        self._past = state["trail.past"].copy()
+        rows = self._rows(count)
+        self._past[rows], self._drawn[rows] = state["trail.past"], drawn
         self.particles.weights = weights.copy()
         if count:
-            self.particles.poses = self._past[-1].copy()
-            self._latest = end_pose(steps.lines[-1])
+            self.particles.poses = self._past[rows[-1], drawn[-1]]
+            self._latest = end_poses(steps.lines[-1:])[0]
             self.frame = compose(self._latest, inverse(self.particles.mean))
 
 
-def end_pose(line: Float64[np.ndarray, "4"]) -> Pose:
-    """The pose at the end of a step, in the direction in which it leads."""
-    return np.array((*line[2:], np.arctan2(line[3] - line[1], line[2] - line[0])))
+def end_poses(lines: Segments) -> Poses:
+    """The poses at the ends of steps, in the directions in which they lead."""
+    ways = lines[:, 2:] - lines[:, :2]
+    return np.column_stack((lines[:, 2:], np.arctan2(ways[:, 1], ways[:, 0])))
+
+
+@kernel(arrays=True)
+def _mean_past(
+    past: np.ndarray, drawn: np.ndarray, rows: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Where the particles that are left were in the mean (steps, 3).
+
+    Args:
+        past: (remembered, particles, 3): where all were at the end of each step.
+        drawn: (remembered, particles): which were drawn there.
+        rows: The rows of the steps in these, from the oldest on.
+        weights: Weights of the particles that are left.
+    """
+    means = np.zeros((rows.shape[0], 3))
+    shares, earlier = weights.copy(), np.empty_like(weights)
+    for step in range(rows.shape[0] - 1, -1, -1):
+        # A particle has the weights of all that were drawn from it.
+        row = rows[step]
+        earlier[:] = 0.0
+        for k in range(shares.shape[0]):
+            earlier[drawn[row, k]] += shares[k]
+        shares, earlier = earlier, shares
+        east = north = heading = 0.0
+        for k in range(shares.shape[0]):
+            east += shares[k] * past[row, k, 0]
+            north += shares[k] * past[row, k, 1]
+            heading += shares[k] * past[row, k, 2]
+        means[step, 0], means[step, 1], means[step, 2] = east, north, heading
+    return means

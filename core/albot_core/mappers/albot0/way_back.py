@@ -72,7 +72,15 @@ class WayBack:
         self._particles = particles
         self._frame = frame
         self._config = config
-        self._points, self._steps = _points_along(out.lines, _GAP)
+
+    @cached_property
+    def _points(self) -> Points:
+        return _points_along(self._out.lines, _GAP)[0]
+
+    @cached_property
+    def _steps(self) -> Int64[np.ndarray, "points"]:
+        """The step that each point is on."""
+        return _points_along(self._out.lines, _GAP)[1]
 
     def border(self, step: int) -> Segments:
         """The line across the way out where a step begins, as the odometer has it (m)."""

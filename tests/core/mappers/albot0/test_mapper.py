@@ -156,7 +156,7 @@ def test_the_way_home_leads_back_along_the_way_out():
     mapper = led(OUTWARD + 100)
     point = mapper.way_home[POINT]
     assert WAY[OUTWARD + 99, 0] - 3.0 < point[0] < WAY[OUTWARD + 99, 0]
-    np.testing.assert_allclose(point[1], 0.0, atol=0.4)  # The corridor is 2 m wide.
+    np.testing.assert_allclose(point[1], 0.0, atol=0.2)  # The corridor is 2 m wide.
     line = mapper.way_home[EXIT]
     assert line[0] == pytest.approx(line[2], abs=0.2)  # Across the way.
     assert np.isnan(led(len(TAKEN)).way_home[EXIT]).all()  # At home there is no exit before home.

@@ -43,16 +43,14 @@ def split(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
     """The regions of such steps."""
     steps = steps_of(lines, widths, path)
     ground = Ground()
-    for swath in steps.swaths:
-        ground.add(swath)
+    ground.add(steps.swaths)
     return split_journey(steps.lines, widths.sum(axis=1), steps.begins, ground, CONFIG)
 
 
 def journey_of(lines: np.ndarray, widths: np.ndarray) -> Journey:
     """What split and merge works on."""
     steps, ground = steps_of(lines, widths), Ground()
-    for swath in steps.swaths:
-        ground.add(swath)
+    ground.add(steps.swaths)
     starts, faces, areas = ground.index
     lengths, seen = np.hypot(*(lines[:, 2:] - lines[:, :2]).T), np.zeros(len(areas) + 1, np.int64)
     return Journey(lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
@@ -174,7 +172,8 @@ def test_swaths_whose_edges_all_but_coincide_are_cut(seed: int):
     ground = Ground()
     for _ in range(60):
         x = rng.integers(0, 4) + rng.normal(0.0, 1e-9, 2)
-        ground.add(np.array(((x[0], 0.0), (x[0], 1.0), (x[1] + 1, 1.0), (x[1] + 1, 0.0))))
+        corners = ((x[0], 0.0), (x[0], 1.0), (x[1] + 1, 1.0), (x[1] + 1, 0.0))
+        ground.add(np.array((corners,)))
     assert ground.index[2].sum() == pytest.approx(4.0, abs=0.05)
 
 
@@ -226,8 +225,7 @@ def test_the_ground_of_a_long_way_is_counted_once(seed):
     lines, widths = wandering(seed)
     ground = Ground()
     steps = steps_of(lines, widths)
-    for swath in steps.swaths:
-        ground.add(swath)
+    ground.add(steps.swaths)
     union = shapely.union_all(shapely.polygons(steps.swaths), grid_size=1e-6)
     assert ground.index[2].sum() == pytest.approx(union.area, abs=0.3)
 
@@ -255,7 +253,7 @@ def test_the_ground_is_the_union_of_the_swaths(seed):
         angle = rng.uniform(0, 6.3)
         turn = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))
         swaths.append(corners @ turn.T + rng.uniform(-4, 4, 2))
-        ground.add(swaths[-1])
+        ground.add(swaths[-1][None])
     starts, faces, areas = ground.index
     for first, last in ((0, 12), (0, 5), (4, 12), (7, 8)):
         within = np.unique(faces[starts[first] : starts[last]])
@@ -280,9 +278,9 @@ def test_thresholds_are_checked(name, value):
 def test_a_swath_that_crosses_itself_is_taken_in():
     """Echoes in a narrow place make such: it covers what lies within its outline."""
     ground = Ground()
-    ground.add(np.array(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))))
-    ground.add(np.array(((1.0, 1.0), (3.0, 3.0), (3.0, 1.0), (1.0, 3.0))))
-    ground.add(np.array(((0.5, 0.5), (2.5, 0.5), (2.5, 2.5), (0.5, 2.5))))
+    ground.add(np.array((((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)),)))
+    ground.add(np.array((((1.0, 1.0), (3.0, 3.0), (3.0, 1.0), (1.0, 3.0)),)))
+    ground.add(np.array((((0.5, 0.5), (2.5, 0.5), (2.5, 2.5), (0.5, 2.5)),)))
     _, _, areas = ground.index
     assert 4.0 < areas.sum() < 9.0
 
@@ -293,7 +291,7 @@ def test_swaths_of_any_corners_are_taken_in(numbers):
     ground, shapes = Ground(), []
     for each in numbers:
         corners = np.array(each, np.float64).reshape(4, 2)
-        ground.add(corners)
+        ground.add(corners[None])
         shapes.append(shapely.make_valid(shapely.polygons(corners)))
     union = shapely.union_all(np.array(shapes))
     assert ground.index[2].sum() == pytest.approx(union.area, abs=0.01 * 4 * len(numbers))

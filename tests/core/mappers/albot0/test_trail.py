@@ -11,8 +11,9 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.mapper import Albot0
+from albot_core.mappers.albot0.particles import sum_squares
 from albot_core.mappers.albot0.paths import ECHOES, Steps, join_steps
-from albot_core.mappers.albot0.trail import Trail, TrailConfig, end_pose
+from albot_core.mappers.albot0.trail import Trail, TrailConfig, end_poses
 from albot_core.sensing.reading import Reading
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
 from tests.core.mappers.albot0.step_scenes import steps_along
@@ -84,7 +85,7 @@ def test_particles_do_not_go_through_surfaces():
                 trail.extend(steps.part(slice(step, step + 1)))
         is_outside = np.abs(trail.particles.poses[:, 1]) > 1.0
         outside.append(trail.particles.weights[is_outside].sum())
-    assert outside[0] > 0.1
+    assert outside[0] > 0.2
     assert outside[1] < 0.5 * outside[0]
 
 
@@ -102,22 +103,24 @@ def test_doorways_tell_how_far_along_a_corridor_the_robot_is():
     out, home = steps_along((0, 0), (20, 0)), steps_along((20, 0), (8, 0))
     start = np.array((20.0, 0.0, 20.0, 0.0))
     short = start + 0.9 * (home.lines - start)
-    off, spreads = [], []
-    for depth in (1.0, 2.0):
+    off, spreads = np.empty((2, 10)), np.empty((2, 10))
+    for row, depth in enumerate((1.0, 2.0)):
         depths = np.ones(20)
         depths[[10, 12, 15]] = depth
-        trail = Trail(TrailConfig(slip=0.15), RNG(0))
-        trail.extend(replace(out, echoes=beside(depths)))
         # The left of the way out is to the right of the way home.
         back = beside(depths[:7:-1]) * (1.0, -1.0)
-        for step in range(12):
-            trail.extend(replace(home, lines=short, echoes=back).part(slice(step, step + 1)))
-        east = trail.particles.poses[:, 0]
-        off.append(abs(float(trail.particles.mean[0]) - 8.0))
-        spreads.append(float(np.sqrt(trail.particles.weights @ (east - east.mean()) ** 2)))
-    assert spreads[0] > 0.4  # Walls alone do not tell.
-    assert spreads[1] < 0.5 * spreads[0]
-    assert off[1] < 0.6  # The odometer errs by 1.2 m.
+        for seed in range(10):
+            trail = Trail(TrailConfig(slip=0.15), RNG(seed))
+            trail.extend(replace(out, echoes=beside(depths)))
+            for step in range(12):
+                trail.extend(replace(home, lines=short, echoes=back).part(slice(step, step + 1)))
+            weights, east = trail.particles.weights, trail.particles.poses[:, 0]
+            off[row, seed] = abs(float(trail.particles.mean[0]) - 8.0)
+            spreads[row, seed] = np.sqrt(weights @ (east - weights @ east) ** 2)
+    walls, doorways = np.median(spreads, axis=1)
+    assert walls > 0.4  # Walls alone do not tell.
+    assert doorways < 0.5 * walls
+    assert np.median(off[1]) < 0.3  # The odometer errs by 1.2 m.
 
 
 def test_an_echo_tells_nothing_where_none_was_heard_before():
@@ -148,7 +151,7 @@ def test_without_errors_the_trail_is_what_the_odometer_has():
     trail.extend(way)
     np.testing.assert_allclose(trail.steps.lines, way.lines, atol=1e-9)
     np.testing.assert_allclose(trail.frame, 0.0, atol=1e-9)
-    np.testing.assert_allclose(trail.particles.mean, end_pose(way.lines[-1]), atol=1e-9)
+    np.testing.assert_allclose(trail.particles.mean, end_poses(way.lines)[-1], atol=1e-9)
 
 
 def one_step(*echoes: tuple[float, float]) -> Steps:
@@ -158,12 +161,16 @@ def one_step(*echoes: tuple[float, float]) -> Steps:
     return replace(step, echoes=kept)
 
 
+def misfits(poses: np.ndarray, points: np.ndarray, field: EchoField) -> np.ndarray:
+    return sum_squares(poses, points, field.corner, field.squares, field.outside)
+
+
 def test_an_echo_field_tells_how_far_echoes_are_and_where_the_sound_went():
     steps = join_steps(one_step((0.0, 2.0)), one_step((0.0, -3.0)))
     field = EchoField(steps, 0.4, 0.25)
     places = np.array(((0.0, 2.0), (0.2, 2.0), (0.05, 1.0), (2.0, 1.0), (0.0, 90.0), (-1e6, 0.0)))
     expected = (0.0, 0.2, 0.4, 0.25, 0.25, 0.25)
-    found = [np.sqrt(field.misfits(np.zeros((1, 3)), place[None])) for place in places]
+    found = [np.sqrt(misfits(np.zeros((1, 3)), place[None], field)) for place in places]
     np.testing.assert_allclose(np.ravel(found), expected, atol=0.1)
 
 
@@ -172,13 +179,13 @@ def test_an_echo_field_sums_what_is_seen_from_each_pose():
     poses = np.array(((0.08, 0.0, np.pi / 2), (1.0, 2.0, np.pi), (0.0, 0.0, 0.0)))
     points = np.array(((2.0, 0.0), (1.0, 0.0)))
     expected = (0.0 + 0.4**2, 0.25**2 + 0.0, 2 * 0.25**2)
-    np.testing.assert_allclose(field.misfits(poses, points), expected, atol=0.02)
+    np.testing.assert_allclose(misfits(poses, points, field), expected, atol=0.02)
 
 
 def test_an_echo_field_without_echoes_knows_nothing():
     field = EchoField(steps_along((0, 0), (5, 0)), 0.4, 0.25)
-    misfits = field.misfits(np.zeros((3, 3)), np.zeros((2, 2)))
-    np.testing.assert_allclose(misfits, 2 * 0.25**2)
+    found = misfits(np.zeros((3, 3)), np.zeros((2, 2)), field)
+    np.testing.assert_allclose(found, 2 * 0.25**2)
 
 
 @pytest.mark.parametrize(
