@@ -9,6 +9,7 @@
 What `albot1` does in place of algorithms 1 and 2:
 
 - `submap`: what is seen and what is remembered nearby, as rows to compare,
+- `near_walls`: which of them a wall in view may be matched with,
 - `submap_matching`: where the robot is by all of it,
 - `motion_search`: the likeliest motions between two views,
 - `range_profile`: how well two views agree at each turn,

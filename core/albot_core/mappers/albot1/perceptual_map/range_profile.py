@@ -84,11 +84,12 @@ def agreement(seen: np.ndarray, directions: int, expected: np.ndarray, turn: int
 
     `directions` are those in which the view sees a wall.
     """
-    agreeing = both = 0
+    apart = both = 0
     for b in range(BINS):
         off = abs(seen[b] - expected[BINS + turn + b])
-        agreeing += SAME_RANGE - (1 + PENALTY) * min(off, SAME_RANGE) if off < UNSEEN else 0
+        apart += min(off, SAME_RANGE) if off < UNSEEN else 0
         both += 1 if off < UNSEEN else 0
+    agreeing = SAME_RANGE * both - (1 + PENALTY) * apart
     return float(agreeing / (SAME_RANGE * max(both, MIN_OVERLAP, MIN_SHARE * directions)))
 
 

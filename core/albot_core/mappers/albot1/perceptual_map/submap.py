@@ -13,6 +13,7 @@ import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
+from albot_core.kernels.simd import padded_length
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import relative_pose, seen_from
 from albot_core.mappers.albot1.perceptual_map.memory import (
@@ -24,6 +25,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     count_reobserved,
     find_surfaces,
 )
+from albot_core.mappers.albot1.perceptual_map.near_walls import tabulate
 from albot_core.mappers.albot1.perceptual_map.range_profile import BINS
 from albot_core.matching.lines import beside, measure, moved_ends
 
@@ -41,8 +43,10 @@ class MatchBuffers(NamedTuple):
     """(room,) int64: the slots of the walls remembered."""
     expected: np.ndarray
     """(room + views' room, 8) float64: their rows; after them those of the last view's walls."""
+    table: np.ndarray
+    """(8, room + views' room or a few more) float64: the same for `near_walls`, a column a wall."""
     near: np.ndarray
-    """(room + views' room,) int64: of those, the rows with which a wall in view is compared."""
+    """(room + views' room,) int64: of those, the walls with which one in view is compared."""
     landmarks: np.ndarray
     """(views' room, 2) int64: see `submap_matching`."""
     profiles: np.ndarray
@@ -57,6 +61,7 @@ def make_match_buffers(views: int, capacity: int) -> MatchBuffers:
         np.empty((views, 10)),
         np.empty(room, np.int64),
         np.empty((room + views, 8)),
+        np.empty((8, padded_length(room + views))),
         np.empty(room + views, np.int64),
         np.empty((views, 2), np.int64),
         np.empty((2, 3 * BINS), np.int32),
@@ -110,7 +115,9 @@ def describe_nearby(
         measure(ends, buffers.expected[q])
     motion = _motion()
     relative_pose(previous.pose, pose, motion)
-    return int(remembered), describe_previous(previous, motion, remembered, buffers)
+    total = describe_previous(previous, motion, remembered, buffers)
+    tabulate(buffers.expected[:total], buffers.table)
+    return int(remembered), int(total)
 
 
 @kernel()

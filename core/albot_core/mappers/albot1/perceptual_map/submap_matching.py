@@ -35,6 +35,7 @@ from albot_core.mappers.albot1.perceptual_map.motion_search import (
     shift_cost,
     take_motion,
 )
+from albot_core.mappers.albot1.perceptual_map.near_walls import list_ends_near, list_walls_along
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
     shift_scale,
@@ -168,8 +169,9 @@ def match_submap(
         copy_pose(start, current.pose)
         remembered, _ = describe_nearby(pm, previous, current, limits, buffers)
     expected, slots, landmarks = buffers.expected[:remembered], buffers.slots, buffers.landmarks
+    turned = np.cos(chosen[2]), np.sin(chosen[2])
     found = match_landmarks(
-        current.edges, seen, expected, pm.edges, slots, chosen, limits, landmarks
+        current.edges, seen, pm.edges, remembered, chosen, *turned, limits, buffers
     )
     for k in range(current.size[0]):
         row = landmarks[k, ROW]
@@ -204,18 +206,18 @@ def _align(
     compose_pose(previous.pose, motion, current.pose)
     current.pose[2] = wrap(current.pose[2] + turn)
     remembered, total = describe_nearby(pm, previous, current, limits, buffers)
-    expected, slots, landmarks = buffers.expected[:total], buffers.slots, buffers.landmarks
+    expected = buffers.expected[:total]
     wide, share = WIDEN, 0.0
     correction[0] = correction[1] = correction[2] = 0.0
     motion_weight = 1.0 / shift_scale(odometer, limits) ** 2
     turn_weight = 1.0 / limits.turn_error**2
-    args = (slots, correction, limits, landmarks)
     for _ in range(ROUNDS):
-        match_landmarks(current.edges, seen, expected[:remembered], pm.edges, *args)
+        moved = correction, np.cos(correction[2]), np.sin(correction[2])
+        match_landmarks(current.edges, seen, pm.edges, remembered, *moved, limits, buffers)
         equations = held(correction, motion_weight, turn_weight)
-        equations = _pulled_by_landmarks(equations, seen, expected, landmarks, correction)
+        equations = _pulled_by_landmarks(equations, seen, expected, buffers.landmarks, *moved)
         equations, share = _pulled_by_walls(
-            equations, seen, expected, buffers.near, wide, remembered, correction
+            equations, seen, expected, remembered, wide, *moved, buffers
         )
         x, y, step = solved(equations)
         correction[0] += x
@@ -246,40 +248,38 @@ def _agreement_there(
 def match_landmarks(
     seen_edges: np.ndarray,
     seen: np.ndarray,
-    expected: np.ndarray,
     edges: np.ndarray,
-    slots: np.ndarray,
+    remembered: int,
     correction: np.ndarray,
+    cos: float,
+    sin: float,
     limits: Albot1Limits,
-    landmarks: np.ndarray,
+    buffers: MatchBuffers,
 ) -> int:
     """Match every landmark seen to the nearest point of one remembered; count them.
 
     `seen_edges` and `edges` are what the ends are of the surfaces seen, in the order of `seen`, and
-    of those in the map; `slots` are the slots of `expected`.
+    of those in the map. The buffers hold the surfaces remembered (`table`, `slots`), and take the
+    `landmarks`.
     """
-    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    landmarks, table, slots, near = buffers.landmarks, buffers.table, buffers.slots, buffers.near
+    least = (limits.landmark_cosine, limits.landmark_length, limits.landmark_gap)
     found = 0
     for k in range(seen.shape[0]):
         landmarks[k, ROW] = -1
-        if seen[k, 4] < limits.landmark_length:
+        is_stable = seen_edges[k, 0] != NO_EDGE or seen_edges[k, 1] != NO_EDGE
+        if seen[k, 4] < limits.landmark_length or not is_stable:
             continue
-        ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
+        heading = rotate(cos, sin, seen[k, 6], seen[k, 7])
         ends = moved_ends(seen[k], correction, cos, sin)
         nearest = limits.landmark_gap**2
-        for q in range(expected.shape[0]):
-            if ux * expected[q, 6] + uy * expected[q, 7] <= limits.landmark_cosine:
-                continue
+        for c in range(list_ends_near(table, remembered, ends, heading, *least, near)):
+            q = near[c]
             for end in range(2):
-                dx = ends[2 * end] - expected[q, 2 * end]
-                dy = ends[2 * end + 1] - expected[q, 2 * end + 1]
+                dx = ends[2 * end] - table[2 * end, q]
+                dy = ends[2 * end + 1] - table[2 * end + 1, q]
                 gap = dx * dx + dy * dy
-                # In this order, for few are near: what is rare is foreseen by the processor.
-                if (
-                    gap < nearest
-                    and seen_edges[k, end] != NO_EDGE != edges[slots[q], end]
-                    and expected[q, 4] >= limits.landmark_length
-                ):
+                if gap < nearest and seen_edges[k, end] != NO_EDGE != edges[slots[q], end]:
                     nearest = gap
                     landmarks[k, ROW], landmarks[k, SIDE] = q, end
         found += landmarks[k, ROW] >= 0
@@ -293,9 +293,10 @@ def _pulled_by_landmarks(
     expected: np.ndarray,
     landmarks: np.ndarray,
     correction: np.ndarray,
+    cos: float,
+    sin: float,
 ) -> Equations:
     """Add the equations that lay each landmark's point on the one it is recognised as."""
-    cos, sin = np.cos(correction[2]), np.sin(correction[2])
     for k in range(seen.shape[0]):
         if landmarks[k, ROW] >= 0:
             wall, side = expected[landmarks[k, ROW]], landmarks[k, SIDE]
@@ -308,30 +309,32 @@ def _pulled_by_walls(
     equations: Equations,
     seen: np.ndarray,
     expected: np.ndarray,
-    near: np.ndarray,
-    wide: float,
     remembered: int,
+    wide: float,
     correction: np.ndarray,
+    cos: float,
+    sin: float,
+    buffers: MatchBuffers,
 ) -> tuple[Equations, float]:
     """Add the equations that lay the points of walls on the nearest wall expected.
 
     Returns the share of the walls' length that lies on one, too.
     """
-    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    near = buffers.near
     gap, scale, matched, length = wide * POINT_GAP, wide * POINT_SCALE, 0.0, 0.0
     for k in range(seen.shape[0]):
         length += seen[k, 4]
     spacing = max(POINT_SPACING, length / MAX_POINTS)
     for k in range(seen.shape[0]):
-        ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
-        count = 0
-        for q in range(expected.shape[0]):
-            near[count] = q
-            count += ux * expected[q, 6] + uy * expected[q, 7] > POINT_COSINE
         parts = max(int(seen[k, 4] / spacing + 0.5), 1)
         step = seen[k, 4] / parts
         weight = POINT_WEIGHT * step / POINT_SPACING / (wide * POINT_NOISE) ** 2
+        ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
         x0, y0 = rotate(cos, sin, seen[k, 0], seen[k, 1])
+        line = (correction[0] + x0, correction[1] + y0), (ux, uy)
+        points = 0.5 * step, seen[k, 4] - 0.5 * step
+        args = (*line, *points, POINT_COSINE, gap, POINT_END, near)
+        count = list_walls_along(buffers.table, expected.shape[0], *args)
         for part in range(parts):
             x, y = x0 + (part + 0.5) * step * ux, y0 + (part + 0.5) * step * uy
             nearest, which, off = gap, -1, 0.0

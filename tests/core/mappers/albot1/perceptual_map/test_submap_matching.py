@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
 from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.albot1.perceptual_map.near_walls import tabulate
+from albot_core.mappers.albot1.perceptual_map.submap import make_match_buffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_landmarks
 from albot_core.matching.lines import moved_ends
 from albot_core.sensing.reading import Reading
@@ -46,9 +48,13 @@ def matched(
     seen: Rows, expected: Rows, correction: np.ndarray, limits: Albot1Limits
 ) -> tuple[int, np.ndarray]:
     """What the mapper matches: how many, and the row and end of each."""
-    landmarks, slots = np.empty((len(seen[0]), 2), np.int64), np.arange(len(expected[0]))
-    args = (seen[1], *seen[:1], expected[0], expected[1], slots, correction, limits, landmarks)
-    return match_landmarks(*args), landmarks
+    count = len(expected[0])
+    buffers = make_match_buffers(len(seen[0]), count)
+    buffers.slots[:count] = np.arange(count)
+    tabulate(expected[0], buffers.table)
+    moved = correction, np.cos(correction[2]), np.sin(correction[2])
+    found = match_landmarks(seen[1], seen[0], expected[1], count, *moved, limits, buffers)
+    return found, buffers.landmarks
 
 
 @settings(deadline=None, max_examples=60)
