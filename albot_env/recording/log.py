@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Ranges
-from albot_core.logs.log import Log
+from albot_core.logs.log import Log, Unread
 from albot_core.logs.reader import read_log
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.reader import EpisodeReader
@@ -59,11 +60,18 @@ def read_log_or_episode(path: Path, keep_going: bool = False) -> Log:
 def read_episode_log(path: Path) -> Log:
     """Return the log of a recorded episode; if the file was never closed, of its intact part.
 
+    The log's `unread` then says so.
+
     Raises:
         InputError: The file does not exist, is no episode, or is damaged before its end.
     """
     reader = EpisodeReader(path)
-    return log_of_moments(path.name, reader.header, reader.moments())
+    log = log_of_moments(path.name, reader.header, reader.moments())
+    if not reader.torn:
+        return log
+    until = f"read up to its last complete chunk, at {log.stamps[-1]:.1f} s"
+    reason = f"{path.name}: never closed, ends early; {until}"
+    return replace(log, unread=Unread(lines=0, scans=0, reason=reason))
 
 
 def log_of_moments(name: str, header: EpisodeHeader, moments: Iterable[Moment]) -> Log:

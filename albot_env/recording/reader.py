@@ -240,6 +240,8 @@ class EpisodeReader:
                     *_LENGTHS,
                 ) as error:
                     reason = str(error) or "its end"
+                    if isinstance(error, struct.error):
+                        reason = "its end"
                     if isinstance(error, _LENGTHS):
                         reason = "a length that cannot be true"
                     place = f"byte {stream.tell()}"

@@ -56,14 +56,22 @@ class EpisodeWriter:
         mode: Literal["wb", "xb"] = "wb" if is_stream(self._path) or self._overwrite else "xb"
         if self._path.is_fifo():  # The index needs positions, and opening a pipe would block.
             raise InputError(self._path, "a file to write", "a pipe")
-        with self._disk():
-            self._header = header
-            self._stream = self._path.open(mode)
-            self._writer = Writer(self._stream, chunk_size=_NO_LIMIT)
-            self._writer.start(profile="", library="albot-env")
-            self._channels = {topic: self._register(topic) for topic in TOPICS}
-            self._waiting.append(_encoded(header_messages(header), 0))
-            self._write_chunk()
+        opened = False
+        try:
+            with self._disk():
+                self._header = header
+                self._stream = self._path.open(mode)
+                opened = True
+                self._writer = Writer(self._stream, chunk_size=_NO_LIMIT)
+                self._writer.start(profile="", library="albot-env")
+                self._channels = {topic: self._register(topic) for topic in TOPICS}
+                self._waiting.append(_encoded(header_messages(header), 0))
+                self._write_chunk()
+        except InputError:
+            if opened and not is_stream(self._path):  # A file without its header is no episode.
+                with suppress(OSError):
+                    self._path.unlink()
+            raise
 
     def add(self, moment: Moment) -> None:
         """Write the next moment.

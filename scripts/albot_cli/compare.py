@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import FORCE, check_folder
@@ -70,7 +71,10 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     source: str,
     mappers: str | None,
     seeds: str,
@@ -94,6 +98,7 @@ def command(
     """
     from albot_agents.evaluation.plan import parse_seeds
     from albot_cli.comparison_report import FILES, as_text, rows_of, write_files
+    from albot_cli.map_report import left_out
 
     if out is not None:
         check_folder(out, FILES, force=force)
@@ -102,7 +107,8 @@ def command(
     asked = None if mappers is None else _choices(mappers)
     sensors = {name: preset for name, preset in presets.items() if preset is not None}
     is_world = _is_world(source)
-    _check_options(source, is_world, sensors, reference=reference, relations=relations)
+    chosen = [*sensors, *(name for name in ("agent", "steps") if _given(ctx, name))]
+    _check_options(source, is_world, chosen, reference=reference, relations=relations)
     if is_world:
         sources = explored_sources(source, numbers, agent, steps, sensors, jobs)
     else:
@@ -112,7 +118,7 @@ def command(
     rows = rows_of(choices, results)
     facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": jobs}
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
-    facts |= {"rows": rows, "stopped": stopped, "files": {}}
+    facts |= {"left_out": left_out(sources[0].log), "rows": rows, "stopped": stopped, "files": {}}
     if out is not None:
         write_files(out, facts, results, sources)
     click.echo(json.dumps(facts) if as_json else as_text(facts))
@@ -122,15 +128,20 @@ def command(
 
 
 def _check_options(
-    source: str, is_world: bool, sensors: dict[str, str], **truth: Path | None
+    source: str, is_world: bool, exploring: Sequence[str], **truth: Path | None
 ) -> None:
     """Raise InputError if an option is for the other kind of source."""
     for name, file in truth.items():
         if is_world and file is not None:
             raise InputError(f"--{name}", "a log, which does not know the truth itself", source)
-    for name in sensors:
+    for name in exploring:
         if not is_world:
             raise InputError(f"--{name}", "a world, which a robot is to explore", source)
+
+
+def _given(ctx: click.Context, name: str) -> bool:
+    """Whether an option stands on the command line."""
+    return ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
 
 
 def _run(

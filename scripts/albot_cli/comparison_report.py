@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from albot_cli.counts import many
+from albot_cli.map_report import left_out_line
 from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 from albot_cli.outputs import filled_folder
 from albot_core.evaluation.trajectory import alignment
@@ -112,8 +114,8 @@ def as_text(facts: dict[str, Any]) -> str:
     table = _cells(facts["rows"])
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = [
-        f"{facts['source']}: {facts['readings']:,} readings along {facts['path_m']:.1f} m, seeds "
-        f"{facts['seeds']}" + (", stopped before the end" if facts["stopped"] else ""),
+        f"{facts['source']}: {many(facts['readings'], 'reading')} along {facts['path_m']:.1f} m, "
+        f"seeds {facts['seeds']}" + (", stopped before the end" if facts["stopped"] else ""),
         "",
     ]
     for first, *cells in table:
@@ -121,6 +123,7 @@ def as_text(facts: dict[str, Any]) -> str:
         lines.append("  ".join((f"{first:<{widths[0]}}", *right)).rstrip())
     died = [run for row in facts["rows"] for run in row["runs"] if run["error"] is not None]
     lines += [f"{run['mapper']}, seed {run['seed']}: {run['error']}" for run in died]
+    lines += [left_out_line(facts["left_out"])] if facts["left_out"] else []
     lines += [f"{kind}  {path}" for kind, path in facts["files"].items()]
     return "\n".join(lines)
 

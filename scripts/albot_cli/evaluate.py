@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_folder
 from albot_cli.progress import progress
@@ -186,7 +187,7 @@ def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
 def _as_text(facts: dict[str, Any]) -> str:
     """Return the figures as text."""
     lines = [
-        f"{facts['agent']} in {facts['task']}, {facts['episodes']} episodes, mapper "
+        f"{facts['agent']} in {facts['task']}, {many(facts['episodes'], 'episode')}, mapper "
         f"{facts['mapper']}, odometer {facts['odometer']}, {facts['seconds']:.0f} s"
         + (", stopped before the end" if facts["stopped"] else "")
     ]

@@ -12,6 +12,7 @@ import click
 
 from albot_cli.main import drop_output
 from albot_cli.signals import handled_signals, use_default_handlers
+from albot_core.errors import did_you_mean
 
 _CLOSED_PIPE = 141
 """Exit status after the reader of the output has closed the pipe: that of SIGPIPE."""
@@ -45,6 +46,19 @@ class LazyGroup(click.Group):
         """Call the subcommand."""
         with _until_the_pipe_closes():
             return super().invoke(ctx)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the subcommand; for an unknown one, name the most similar.
+
+        click would look for it among the commands that are already imported, and find none.
+        """
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            near = did_you_mean(args[0], SUBCOMMANDS)
+            raise click.UsageError(f"{error.format_message()}{near}", ctx) from None
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all subcommands."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from albot_cli.counts import many
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
 from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
 from albot_core.evaluation.trajectory import (
@@ -172,7 +173,7 @@ def report(
         "odometry_relations": _relations(odometry.relations),
         "map_entropy": _entropy(log, run.believed.poses),
         "odometry_map_entropy": _entropy(log, log.odometry),
-        "left_out": None if log.unread is None else vars(log.unread),
+        "left_out": left_out(log),
         "note": NO_ODOMETRY if log.is_odometry_constant else None,
     }
 
@@ -199,11 +200,11 @@ def _relations(error: RelationError | None) -> dict[str, int | float] | None:
 def as_table(figures: dict[str, Any]) -> str:
     """Return the figures as text, the mapper's beside the odometer's."""
     lines = [
-        f"{figures['log']}: {figures['scans']} scans along {figures['path_m']:.1f} m",
-        f"{figures['mapper']}: {_many(figures['updates'], 'update')}, "
+        f"{figures['log']}: {many(figures['scans'], 'scan')} along {figures['path_m']:.1f} m",
+        f"{figures['mapper']}: {many(figures['updates'], 'update')}, "
         # A mapper without surfaces or places is not shown with none of them.
-        + (f"{_many(figures['surfaces'], 'surface')}, " if figures["surfaces"] else "")
-        + (f"{_many(figures['places'], 'place')}, " if figures["places"] else "")
+        + (f"{many(figures['surfaces'], 'surface')}, " if figures["surfaces"] else "")
+        + (f"{many(figures['places'], 'place')}, " if figures["places"] else "")
         + f"{figures['scans_per_second']:,.0f} scans/s",
     ]
     rows = _comparison(figures)
@@ -215,16 +216,23 @@ def as_table(figures: dict[str, Any]) -> str:
     if figures.get("recognition"):
         lines += ["", recognition_row(figures["recognition"])]
     if figures["left_out"]:
-        lost = figures["left_out"]
-        counts = f"{_many(lost['lines'], 'line')}, {_many(lost['scans'], 'scan')}"
-        lines += ["", f"not read: {counts} ({lost['reason']})"]
+        lines += ["", left_out_line(figures["left_out"])]
     if figures["note"]:
         lines += ["", f"note: {figures['note']}"]
     return "\n".join(lines)
 
 
-def _many(count: int, thing: str) -> str:
-    return f"{count} {thing}" + ("" if count == 1 else "s")
+def left_out(log: Log) -> dict[str, Any] | None:
+    """Return what was not read of a log, as JSON; None where it is whole."""
+    return None if log.unread is None else vars(log.unread)
+
+
+def left_out_line(lost: dict[str, Any]) -> str:
+    """Return the same as text."""
+    if not lost["lines"]:  # How much is missing is not known.
+        return f"not read: the rest ({lost['reason']})"
+    counts = f"{many(lost['lines'], 'line')}, {many(lost['scans'], 'scan')}"
+    return f"not read: {counts} ({lost['reason']})"
 
 
 def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:

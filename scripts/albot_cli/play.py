@@ -203,7 +203,7 @@ def _run(
 
     from albot_cli.episodes import RunningEpisode
     from albot_cli.keyboard import ENTER_MEANINGS, Keyboard
-    from albot_cli.watch import open_viewer, watch
+    from albot_cli.watch import keys_expected, open_viewer, watch
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.rendering.controls import Controls
     from albot_env.tasks.core.single import SingleEnv
@@ -211,6 +211,8 @@ def _run(
     task, agent, entry = _choose(task, agent)
     if agent == Keyboard.name and headless:
         raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
+    if agent == Keyboard.name and not keys_expected():
+        raise InputError("--agent keyboard", "a window or a terminal with keys", "neither")
     asked: dict[str, Any] = {"mapper": mapper, **sensors}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}

@@ -166,6 +166,14 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
         yield viewer, update
 
 
+def keys_expected() -> bool:
+    """Whether a viewer with keys seems available, judged without opening one."""
+    from albot_env.rendering.display import display_found
+
+    streams = (sys.stdin, sys.stdout)
+    return display_found() or all(stream is not None and stream.isatty() for stream in streams)
+
+
 StepCallback = Callable[[], None]
 """Called after each step."""
 

@@ -74,6 +74,15 @@ def test_by_default_all_that_see_by_the_sensors(corridor, call, in_process):
     assert all(row["ate_rmse_m"] is None for row in told["rows"])
 
 
+def test_what_was_not_read_is_said(corridor, call, tmp_path, in_process):
+    path = tmp_path / "torn.log"
+    lines = corridor[0].read_text().splitlines()
+    path.write_text("\n".join([*lines[:20], lines[20][:300]]))
+    words = ("compare", path, "--mappers", "odometry", "--keep-going")
+    assert "line 21" in figures(call(*words, "--json"))["left_out"]["reason"]
+    assert "not read: 1 line, 1 scan (" in call(*words).stdout
+
+
 def test_an_episode_as_its_mapper_saw_it(episode_file, call, in_process):
     told = figures(call("compare", episode_file, "--mappers", "odometry", "--json"))
     replayed = figures(call("play", episode_file, "--headless", "--json"))
@@ -135,6 +144,8 @@ def test_a_run_that_dies_leaves_the_others(corridor, call):
         (("nowhere.mcap",), "nowhere.mcap: file not found"),
         (("square-loop", "--reference", "a.tum"), "--reference: expected a log"),
         (("LOG", "--laser", "short"), "--laser: expected a world"),
+        (("LOG", "--agent", "gap-explorer"), "--agent: expected a world"),
+        (("LOG", "--steps", "100"), "--steps: expected a world"),
         (("LOG", "--mappers", "albt1"), "did you mean albot1?"),
         (("LOG", "--mappers", "albot1, albot1"), "found albot1 twice"),
         (("LOG", "--mappers", "albot0"), "found albot0, which needs sonar"),

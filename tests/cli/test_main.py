@@ -32,14 +32,15 @@ def test_a_group_called_alone_shows_its_help(
     assert "Commands:" in shown.err
 
 
+@pytest.mark.parametrize(("word", "near"), [("dance", ""), ("paly", " (did you mean play?)")])
 def test_an_unknown_subcommand_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    word: str, near: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["albot", "dance"])
+    monkeypatch.setattr(sys, "argv", ["albot", word])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert capsys.readouterr().err == "albot: No such command 'dance'.\n"
+    assert capsys.readouterr().err == f"albot: No such command '{word}'.{near}\n"
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])

@@ -226,6 +226,16 @@ def test_a_reference_of_another_log_is_named(corridor, call, tmp_path):
     expect_error(call("map", path, "--relations", relations), "stamps of another log")
 
 
+def test_a_torn_episode_is_mapped_and_said_to_be_torn(episode_file, call, tmp_path):
+    whole = episode_file.read_bytes()
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(whole[: len(whole) // 2])
+    told = figures(call("map", path, "--mapper", "odometry", "--json"))
+    assert 1 < told["scans"] < 41
+    assert told["left_out"]["reason"].startswith("torn.mcap: never closed, ends early; read up to")
+    assert "not read: the rest (torn.mcap: never closed" in call("map", path).stdout
+
+
 def test_a_torn_log_and_its_good_beginning(corridor, call, tmp_path):
     path = tmp_path / "torn.log"
     lines = corridor[0].read_text().splitlines()

@@ -336,6 +336,7 @@ def test_who_does_not_fit_is_refused_by_name(
     assert done.returncode == 2
     assert expected in done.stderr
     assert found in done.stderr
+    assert not list(Path().iterdir())
 
 
 def test_nothing_heavy_is_loaded_before_it_is_needed() -> None:

@@ -99,7 +99,8 @@ def _plan(
         given = {key: value for key, value in changes.items() if value is not None}
         data = {**data, "task": task or named or "", **given}
     plan = read_config(TrainingPlan, data, where)
-    check_task(plan.task)
+    with where.relocate_errors():
+        check_task(plan.task)
     _check_environments(plan, where)
     return plan
 

@@ -17,6 +17,8 @@ METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps"
 
 CLOSED = "{}: it was closed, and is to be made anew"
 """Error text for the use of a closed environment; `{}` is its id."""
+NOT_COPIED = "{}: it can be neither copied nor pickled; each process makes its own"
+"""Error text for copying an environment, whose physics is C code; `{}` is its id."""
 
 Observation = Float32[np.ndarray, "..."] | Parts
 Robots = TypeVar("Robots", bound=BatchedRobots)

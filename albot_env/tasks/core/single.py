@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Generic, Unpack
+from typing import Any, Generic, NoReturn, Unpack
 
 import gymnasium
 import numpy as np
@@ -15,7 +15,14 @@ from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Rec
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
-from albot_env.tasks.core.interface import CLOSED, METADATA, Observation, Robots, TaskInterface
+from albot_env.tasks.core.interface import (
+    CLOSED,
+    METADATA,
+    NOT_COPIED,
+    Observation,
+    Robots,
+    TaskInterface,
+)
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
@@ -168,6 +175,10 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._viewer.close()
         self.recorder.close()
         self._robot.close()
+
+    def __getstate__(self) -> NoReturn:
+        """Raise TypeError: an environment can be neither copied nor pickled."""
+        raise TypeError(NOT_COPIED.format(self._environment))
 
     def _check_open(self) -> None:
         if self._closed:

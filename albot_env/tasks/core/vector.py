@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Generic, Unpack
+from typing import Any, Generic, NoReturn, Unpack
 
 import gymnasium
 import numpy as np
@@ -15,7 +15,14 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.ranges import Range
-from albot_env.tasks.core.interface import CLOSED, METADATA, Observation, Robots, TaskInterface
+from albot_env.tasks.core.interface import (
+    CLOSED,
+    METADATA,
+    NOT_COPIED,
+    Observation,
+    Robots,
+    TaskInterface,
+)
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
@@ -192,6 +199,10 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
     def close_extras(self, **_: Any) -> None:
         """Stop the threads; called by `close`."""
         self._robots.close()
+
+    def __getstate__(self) -> NoReturn:
+        """Raise TypeError: an environment can be neither copied nor pickled."""
+        raise TypeError(NOT_COPIED.format(self._environment))
 
     def _check_open(self) -> None:
         if self.closed:

@@ -222,10 +222,12 @@ def read_relations(path: Path) -> Relations:
 
 def _numbers(words: list[str], path: Path, number: int) -> list[float]:
     expected = "eight finite numbers, t1 t2 x y z roll pitch yaw"
-    try:
-        values = [float(word) for word in words]
-    except ValueError as error:
-        raise InputError(path, expected, str(error), place=f"line {number}") from None
+    values = []
+    for word in words:
+        try:
+            values.append(float(word))
+        except ValueError:
+            raise InputError(path, expected, repr(word), place=f"line {number}") from None
     if len(values) != _FIELDS:
         raise InputError(path, expected, f"{len(values)} fields", place=f"line {number}")
     if not np.isfinite(values).all():

@@ -47,7 +47,8 @@ Record = TypeVar("Record")
 class Unread:
     """The part of a damaged log that was not read.
 
-    In a damaged archive, only the part that still unpacks is counted.
+    In a damaged archive, only the part that still unpacks is counted; in an episode that was never
+    closed, nothing.
     """
 
     lines: int

@@ -67,7 +67,7 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
     [
         ({"algoritm": "ppo"}, r"line \d+, algoritm: .*did you mean algorithm"),
         ({"algorithm": "ppa"}, r"line \d+, algorithm: expected one of ppo.*did you mean ppo"),
-        ({"task": "Albot/Homin-v0"}, "did you mean Albot/Homing-v0"),
+        ({"task": "Albot/Homin-v0"}, r"line \d+, task: .*did you mean Albot/Homing-v0"),
         ({"n_envs": "many"}, r"line \d+, n_envs: expected a whole number, found many"),
         ({"n_envs": 0}, "n_envs: expected a whole number from 1, found 0"),
         ({"batch_size": 7}, r"batch_size: expected a divisor of n_envs × n_steps, 16, found 7"),

@@ -262,7 +262,7 @@ def test_reading_relations(tmp_path):
     [
         ("1 2 0 0 0 0 0 0\n1 2 0 0 0 0", "line 2: expected eight finite numbers.*found 6 fields"),
         ("1 2 0 0 0 0 0 nan", "line 1: expected eight finite numbers.*NaN"),
-        ("1 2 0 0 0 0 0 north", "line 1: .*'north'"),
+        ("1 2 0 0 0 0 0 north", "line 1: expected .*, found 'north'"),
         ("", "at least one relation"),
         ("# nothing\n", "at least one relation"),
     ],

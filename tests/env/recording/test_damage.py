@@ -65,6 +65,13 @@ def test_a_file_that_ends_before_its_header_says_so(episode: Path, tmp_path: Pat
         EpisodeReader(torn)
 
 
+@pytest.mark.parametrize("content", [b"", b"MCAP", b"hello\n"])
+def test_a_file_that_is_too_short_ends(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "short.mcap").write_bytes(content)
+    with pytest.raises(InputError, match="an episode in MCAP format, found its end"):
+        EpisodeReader(tmp_path / "short.mcap")
+
+
 @pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_flipped_byte_is_found(episode: Path, share: float) -> None:
     data = bytearray(episode.read_bytes())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from typing import Any
 
 import mcap
 import pytest
+from mcap.writer import Writer
 
 import albot_env.recording.writer
 from albot_core.errors import InputError
@@ -131,3 +133,15 @@ def test_a_file_that_is_there_is_kept_if_asked_for(
     writer.begin(recorded[0])
     writer.close()
     assert (tmp_path / "b.mcap").exists()
+
+
+def test_a_file_that_holds_no_header_is_removed(
+    recorded: tuple[EpisodeHeader, list[Moment]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Writer, "start", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        EpisodeWriter(tmp_path / "a.mcap").begin(recorded[0])
+    assert not (tmp_path / "a.mcap").exists()

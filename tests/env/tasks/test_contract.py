@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -253,6 +256,18 @@ def test_stepping_before_a_reset_or_after_the_end_is_an_error(environment: str) 
         env.step(quick.still(environment))
     with pytest.raises(gymnasium.error.ClosedEnvironmentError, match=closed):
         env.reset(seed=1)
+
+
+@pytest.mark.parametrize("environment", quick.IDS)
+@pytest.mark.parametrize("copy_of", [copy.deepcopy, copy.copy, pickle.dumps])
+def test_an_environment_is_neither_copied_nor_pickled(
+    environment: str, copy_of: Callable[[object], object]
+) -> None:
+    envs = gymnasium.make_vec(environment, num_envs=1, mapper="none")
+    for env in (_make(environment).unwrapped, envs):
+        with pytest.raises(TypeError, match=f"{environment}: it can be neither copied nor pickled"):
+            copy_of(env)
+        env.close()
 
 
 @pytest.mark.parametrize("environment", quick.IDS)
