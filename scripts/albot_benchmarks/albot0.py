@@ -10,8 +10,8 @@ import numpy as np
 from albot_benchmarks.mapper import tour_readings
 from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.mapper import Albot0
-from albot_core.mappers.albot0.paths import NO_STEPS, join_steps
 from albot_core.mappers.albot0.regions import RegionConfig, split_journey
+from albot_core.mappers.albot0.steps import NO_STEPS, join_steps
 
 _PATHS = 500
 """Robot paths of the journey that is split into regions."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.albot0.paths import PLACES, SONARS, Steps
+from albot_core.mappers.albot0.steps import PLACES, SONARS, Steps
 
 CELL = 0.1
 """Size of a cell (m)."""

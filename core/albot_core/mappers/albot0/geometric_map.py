@@ -8,8 +8,9 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.paths import ECHOES, FARTHEST, NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.paths import FARTHEST
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
+from albot_core.mappers.albot0.steps import ECHOES, NO_STEPS, Steps, join_steps
 from albot_core.mappers.stored_arrays import LONGEST, Shape, check_finite, check_shapes
 
 _SHORTEST = 1e-6

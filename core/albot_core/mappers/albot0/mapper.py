@@ -26,8 +26,9 @@ from albot_core.mappers.albot0.localisation import (
     DemocraticIntegration,
     Stop,
 )
-from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, Steps, join_steps, side_sonars
+from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, side_sonars
 from albot_core.mappers.albot0.state import SHAPES, check_beliefs, check_path
+from albot_core.mappers.albot0.steps import Steps, join_steps
 from albot_core.mappers.albot0.trail import Trail
 from albot_core.mappers.albot0.way_back import WayBack
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, MapperSpec, WayHome

@@ -25,7 +25,8 @@ from albot_core.geometry.types import Poses, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.particles import Particles
-from albot_core.mappers.albot0.paths import FARTHEST, NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.paths import FARTHEST
+from albot_core.mappers.albot0.steps import NO_STEPS, Steps, join_steps
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 

@@ -21,8 +21,8 @@ from albot_core.geometry.poses import inverse, transform_points, transform_segme
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot0.localisation import Confidences
 from albot_core.mappers.albot0.particles import Particles
-from albot_core.mappers.albot0.paths import Steps
 from albot_core.mappers.albot0.regions import Regions
+from albot_core.mappers.albot0.steps import Steps
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
 _GAP = 0.5
@@ -74,13 +74,9 @@ class WayBack:
         self._config = config
 
     @cached_property
-    def _points(self) -> Points:
-        return _points_along(self._out.lines, _GAP)[0]
-
-    @cached_property
-    def _steps(self) -> Int64[np.ndarray, "points"]:
-        """The step that each point is on."""
-        return _points_along(self._out.lines, _GAP)[1]
+    def _laid(self) -> tuple[Points, Int64[np.ndarray, "points"]]:
+        """Points along the way out, and the step that each is on."""
+        return _points_along(self._out.lines, _GAP)
 
     def border(self, step: int) -> Segments:
         """The line across the way out where a step begins, as the odometer has it (m)."""
@@ -92,8 +88,9 @@ class WayBack:
 
         A particle fits the ASRs that are about as near as the nearest one.
         """
-        config, starts = self._config, np.searchsorted(self._steps, regions.splits[:-1])
-        away = np.hypot(*np.moveaxis(self._particles.poses[:, None, :2] - self._points, -1, 0))
+        config, (points, steps) = self._config, self._laid
+        starts = np.searchsorted(steps, regions.splits[:-1])
+        away = np.hypot(*np.moveaxis(self._particles.poses[:, None, :2] - points, -1, 0))
         nearest = np.minimum.reduceat(away, starts, axis=1)
         farther = nearest - nearest.min(axis=1, keepdims=True)
         fits = _LOOP * np.exp(-0.5 * (farther / config.near) ** 2)
@@ -110,15 +107,15 @@ class WayBack:
         Args:
             pose: Where the odometer has the robot.
         """
-        left, towards_home = self._way_home
-        away = np.hypot(*(transform_points(inverse(self._frame), pose[:2]) - self._points).T)
+        (left, towards_home), (points, _) = self._way_home, self._laid
+        away = np.hypot(*(transform_points(inverse(self._frame), pose[:2]) - points).T)
         is_near = away <= away.min() + self._config.near
         total = np.where(is_near, away + left, np.inf)
         goal = int(total.argmin())
         length = float(total[goal])
         while goal > 0 and left[goal] > length - self._config.ahead:
             goal = int(towards_home[goal])
-        point = self._points[goal] if goal > 0 else np.full(2, np.nan)
+        point = points[goal] if goal > 0 else np.full(2, np.nan)
         return transform_points(self._frame, point), length
 
     @cached_property
@@ -127,7 +124,7 @@ class WayBack:
 
         Where the way out comes by again, and there is no surface between, its loop is cut off.
         """
-        points, count = self._points, len(self._points)
+        points, count = self._laid[0], len(self._laid[0])
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
         beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
         walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.mappers.albot0.paths import ECHOES, NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.steps import ECHOES, NO_STEPS, Steps, join_steps
 
 
 def steps_along(*points: tuple[float, float]) -> Steps:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.mappers.albot0.paths import ECHOES, PathConfig, PathInProgress, Steps
+from albot_core.mappers.albot0.paths import PathConfig, PathInProgress
+from albot_core.mappers.albot0.steps import ECHOES, Steps
 from albot_core.sensing.reading import SonarGeometry, SonarScan
 from tests.core.mappers.albot0.sonar_scenes import SONAR, driven, sonar_from
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.paths import ECHOES, Steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.albot0.split_and_merge import (
     Journey,
@@ -22,6 +21,7 @@ from albot_core.mappers.albot0.split_and_merge import (
     regularisation,
     residual,
 )
+from albot_core.mappers.albot0.steps import ECHOES, Steps
 
 CONFIG = RegionConfig()
 LEAST = CONFIG.constants

@@ -11,8 +11,8 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.mapper import Albot0
-from albot_core.mappers.albot0.particles import sum_squares
-from albot_core.mappers.albot0.paths import ECHOES, Steps, join_steps
+from albot_core.mappers.albot0.particles import Particles, sum_squares
+from albot_core.mappers.albot0.steps import ECHOES, Steps, join_steps
 from albot_core.mappers.albot0.trail import Trail, TrailConfig, end_poses
 from albot_core.sensing.reading import Reading
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
@@ -152,6 +152,20 @@ def test_without_errors_the_trail_is_what_the_odometer_has():
     np.testing.assert_allclose(trail.steps.lines, way.lines, atol=1e-9)
     np.testing.assert_allclose(trail.frame, 0.0, atol=1e-9)
     np.testing.assert_allclose(trail.particles.mean, end_poses(way.lines)[-1], atol=1e-9)
+
+
+def test_the_particles_mean_turns_as_the_odometer_has_it():
+    """Whatever their weights, and beyond a whole turn."""
+    particles = Particles(np.zeros(3), 50, RNG(0))
+    particles.weights = np.arange(1.0, 51.0) / np.arange(1.0, 51.0).sum()
+    for _ in range(20):
+        particles.move(np.array((1.0, 0.0, 0.5)), 0.2, 0.2, 0.1)
+    assert particles.poses[:, 2].std() > 0.5
+    assert particles.mean[2] == pytest.approx(10.0)
+    still = Particles(np.zeros(3), 50, RNG(0))
+    still.move(np.array((1.0, 0.0, 0.0)), 0.0, 0.0, 0.5)
+    assert still.poses[:, :2].std() > 0.2
+    np.testing.assert_allclose(still.mean, (1.0, 0.0, 0.0), atol=1e-9)
 
 
 def one_step(*echoes: tuple[float, float]) -> Steps:

@@ -9,8 +9,8 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.particles import Particles
-from albot_core.mappers.albot0.paths import Steps
 from albot_core.mappers.albot0.regions import Regions
+from albot_core.mappers.albot0.steps import Steps
 from albot_core.mappers.albot0.way_back import WayBack, WayBackConfig
 from albot_core.mappers.mapper import POINT, TRAVEL
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
