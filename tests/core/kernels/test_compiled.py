@@ -138,6 +138,8 @@ def test_what_was_kept_for_other_kernels_is_not_opened(tmp_path: Path) -> None:
         command = [sys.executable, "-c", code, stamp]
         environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
         environment["PYTHONPATH"] = os.pathsep.join((str(tmp_path), *sys.path))
+        # Python would take the bytecode of a file that was as long, and written in the same second.
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"
         run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         return run.stdout.strip() or run.stderr
 
