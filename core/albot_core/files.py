@@ -203,6 +203,25 @@ def make_folder(folder: Path) -> None:
 
 
 @contextmanager
+def new_folder(folder: Path) -> Iterator[None]:
+    """Make a folder if it does not exist; if the block raises, remove what was made, and all in it.
+
+    Raises:
+        InputError: As `make_folder`.
+    """
+    with interrupts_deferred():
+        existed = exists(folder)
+        make_folder(folder)
+    try:
+        yield
+    except BaseException:
+        if not existed:
+            with interrupts_deferred():
+                shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+@contextmanager
 def _refused_as_input(path: Path) -> Iterator[None]:
     try:
         yield

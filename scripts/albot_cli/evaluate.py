@@ -14,7 +14,7 @@ import click
 
 from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, check_folder
+from albot_cli.outputs import FORCE, check_folder, filled_folder
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
@@ -172,16 +172,16 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
 
 def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
     """Write the figures and the picture; add their paths to `facts`."""
-    from albot_core.files import make_folder, write_text
+    from albot_core.files import write_text
 
-    make_folder(out)
     facts["files"]["figures"] = str(out / _FIGURES)
-    if facts["success_rate"] is not None:
-        from albot_agents.evaluation.picture import save_failures
+    with filled_folder(out) as scratch:
+        if facts["success_rate"] is not None:
+            from albot_agents.evaluation.picture import save_failures
 
-        save_failures(outcomes, out / _PICTURE)
-        facts["files"]["failures"] = str(out / _PICTURE)
-    write_text(out / _FIGURES, json.dumps(facts, indent=1))
+            save_failures(outcomes, scratch / _PICTURE)
+            facts["files"]["failures"] = str(out / _PICTURE)
+        write_text(scratch / _FIGURES, json.dumps(facts, indent=1))
 
 
 def _as_text(facts: dict[str, Any]) -> str:

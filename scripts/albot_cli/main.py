@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 def main() -> None:
     """Run the command.
 
-    The exit status is 0 for success, 2 for bad input, 1 for a bug, 128 + n if signal n ended the
-    command, and so 141 (SIGPIPE) if the reader of the output has closed the pipe.
+    The exit status is 0 for success, 2 for what the user can mend (bad input, a full disk), 1 for
+    a bug, 128 + n if signal n ended the command, and so 141 (SIGPIPE) if the reader of the output
+    has closed the pipe.
     """
     use_default_handlers()
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
@@ -32,7 +33,7 @@ def main() -> None:
 
 
 def exit_status(command: click.Command) -> None:
-    """Run a command and exit with its status; bad input prints one line on stderr."""
+    """Run a command and exit with its status; bad input and a full disk print one line."""
     interrupts = Interrupts()
     try:
         interrupts.listen()
@@ -70,7 +71,7 @@ def _report_error(error: BaseException, interrupts: Interrupts) -> int:
         where = error.filename or "what is printed"
         _print_error(f"albot: cannot write {where}: {error.strerror}")
         drop_output()
-        return 1
+        return 2
     raise error
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, is_stream, make_folder, scratch_folder
+from albot_core.files import atomic_write, is_stream, new_folder, scratch_folder
 from albot_core.interrupts import interrupts_deferred
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite existing files.")
@@ -62,11 +62,13 @@ def check_png(path: Path | None, *, force: bool = False) -> None:
 
 @contextmanager
 def filled_folder(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder; at the end, move all of its files into `folder`, or none."""
+    """Yield a temporary folder; at the end, move all of its files into `folder`, or none.
+
+    If none can be moved, `folder` is not made either.
+    """
     with scratch_folder() as scratch:
         yield scratch
-        with interrupts_deferred(), ExitStack() as files:
-            make_folder(folder)
+        with interrupts_deferred(), new_folder(folder), ExitStack() as files:
             for path in sorted(scratch.iterdir()):
                 stream = files.enter_context(atomic_write(folder / path.name))
                 stream.write(path.read_bytes())

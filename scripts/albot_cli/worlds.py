@@ -9,10 +9,10 @@ from typing import Any
 import click
 import numpy as np
 
-from albot_cli.outputs import FORCE, check_file, check_folder, check_png
+from albot_cli.outputs import FORCE, check_file, check_folder, check_png, filled_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
-from albot_core.files import make_folder, write_text
+from albot_core.files import write_text
 from albot_maps import World, catalogue_names, load_world
 from albot_maps.formats.world_file import world_text
 
@@ -180,9 +180,9 @@ def make(
             update(done + 1)
     if out is not None:
         check_folder(out, [f"{world.name}.yaml" for world in worlds], force=force)
-        make_folder(out)
-        for world in worlds:
-            write_text(out / f"{world.name}.yaml", world_text(world))
+        with filled_folder(out) as scratch:
+            for world in worlds:
+                write_text(scratch / f"{world.name}.yaml", world_text(world))
     if png is not None:
         from albot_maps.drawing import save_sheet  # matplotlib is slow to load
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, make_folder, write_text
+from albot_core.files import atomic_write, new_folder, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -115,16 +115,16 @@ class Report:
 
     def write(self, folder: Path) -> list[Path]:
         """Write `result.json`, `report.md` and the pictures into `folder`; return their paths."""
-        make_folder(folder)
         paths = []
-        for name, figure in self.pictures.items():
-            path = folder / f"{name}.png"
-            with atomic_write(path) as stream:
-                stream.write(_small_png(figure))
-            paths.append(path)
         result, report = (folder / name for name in REPORT_FILES)
-        write_text(result, json.dumps(self.as_json(), indent=2) + "\n")
-        write_text(report, self.as_markdown())
+        with new_folder(folder):
+            for name, figure in self.pictures.items():
+                path = folder / f"{name}.png"
+                with atomic_write(path) as stream:
+                    stream.write(_small_png(figure))
+                paths.append(path)
+            write_text(result, json.dumps(self.as_json(), indent=2) + "\n")
+            write_text(report, self.as_markdown())
         return [result, report, *paths]
 
 

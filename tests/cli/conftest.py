@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from albot_cli import progress, train
+from albot_cli import outputs, progress, train
 from albot_cli.group import albot
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
@@ -61,6 +64,18 @@ def no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     """No lines of progress: on a busy machine a test may take so long that there is one."""
     monkeypatch.setattr(progress, "EVERY", math.inf)
     monkeypatch.setattr(train, "_EVERY", math.inf)
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is moved to its final place meets a full disk."""
+
+    @contextmanager
+    def full(path: Path) -> Iterator[BinaryIO]:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        yield BytesIO()
+
+    monkeypatch.setattr(outputs, "atomic_write", full)
 
 
 @pytest.fixture

@@ -59,6 +59,17 @@ def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
     assert (tmp_path / "new" / "failures.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_full_disk_leaves_no_folder(
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full_disk: None
+) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3", *TINY)
+    status, _, err = run(*words, "--out", str(tmp_path / "new"))
+    assert status == 2
+    assert f"albot: cannot write {tmp_path / 'new' / 'evaluation.json'}: No space" in err
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_same_seeds_give_the_same_figures(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("evaluate", "Albot/Homing-v0", "--agent", "oracle", "--seeds", "3", "--json", *TINY)

@@ -59,11 +59,11 @@ def test_closed_streams_stop_no_work(closed: str, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
 @pytest.mark.parametrize("words", ["mappers", "mappers --json", "worlds list", "play --help"])
-def test_a_full_disk_is_one_line_and_status_1(words: str) -> None:
+def test_a_full_disk_is_one_line_and_status_2(words: str) -> None:
     done = subprocess.run(
         f"{ALBOT} {words} > /dev/full", shell=True, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stderr == "albot: cannot write what is printed: No space left on device\n"
 
 
@@ -78,7 +78,7 @@ def test_a_full_disk_is_said_of_the_file(
     monkeypatch.setattr(sys, "argv", ["albot", "mappers"])
     with pytest.raises(SystemExit) as ended:
         main()
-    assert ended.value.code == 1
+    assert ended.value.code == 2
     told = f"albot: cannot write {tmp_path / 'figures.json'}: No space left on device\n"
     assert capsys.readouterr().err == told
 

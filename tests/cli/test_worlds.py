@@ -209,6 +209,16 @@ def test_make_writes_worlds_that_read_the_same(albot):
     assert not Path("gone").exists()
 
 
+@pytest.mark.parametrize("existed", [False, True])
+def test_make_on_a_full_disk_leaves_nothing_new(albot, full_disk, existed):
+    if existed:
+        Path("made").mkdir()
+    status, out, err = albot("make", "office", "--out", "made")
+    assert (status, out) == (2, "")
+    assert err == "albot: cannot write made/office-0.yaml: No space left on device\n"
+    assert [str(path) for path in Path().rglob("*")] == ["made"] * existed
+
+
 def test_make_draws_a_contact_sheet(albot):
     status, out, err = albot("make", "maze", "--count", "5", "--png", "sheet.png")
     assert (status, err) == (0, "")

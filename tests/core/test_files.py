@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, make_folder, scratch_folder, write_text
+from albot_core.files import atomic_write, make_folder, new_folder, scratch_folder, write_text
 
 
 def _names(folder: Path) -> list[str]:
@@ -132,3 +132,15 @@ def test_an_interrupt_leaves_the_old_file_and_nothing_else(tmp_path: Path, numbe
     assert path.read_text() == "old"
     assert _names(tmp_path) == ["a"]
     assert not scratch.exists()
+
+
+def test_a_new_folder_goes_with_what_failed_in_it(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "new"):
+        write_text(tmp_path / "new" / "a", "a")
+        raise KeyboardInterrupt
+    assert _names(tmp_path) == []
+    with new_folder(tmp_path / "old"):
+        write_text(tmp_path / "old" / "a", "a")
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "old"):
+        raise KeyboardInterrupt
+    assert _names(tmp_path / "old") == ["a"]
