@@ -136,6 +136,15 @@ def test_bad_input_is_one_line(
     assert err.count("\n") == 1
 
 
+def test_a_plan_that_is_refused_leaves_no_folder(run: Albot, tmp_path: Path) -> None:
+    plan = plan_file(tmp_path / "bad.yml", policy={"initial_action": [1]})
+    status, out, err = run("train", "--config", plan, "--out", tmp_path / "run")
+    assert (status, out) == (2, "")
+    assert "bad.yml, line" in err
+    assert "policy.initial_action: expected 3 numbers, found 1" in err
+    assert not (tmp_path / "run").exists()
+
+
 def test_what_is_not_installed_is_told(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train, "_NEEDED", ("torch", "no_such_package"))
     status, _, err = run("train", TASK)

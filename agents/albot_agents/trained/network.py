@@ -20,9 +20,11 @@ ABSENT = np.float32(-1e8)
 NOTHING = np.float32(-1.0)
 """Pooled value without any candidate; no activation is smaller."""
 
-_SIZE = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
+SIZES = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
+"""Units of a layer."""
+LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
+"""Number of layers of a kind."""
 _CANDIDATES = Range("a whole number from 0 to 65536", 0.0, 65536.0, whole=True)
-_LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
 
 
 def _elu(values: Row) -> Row:
@@ -68,11 +70,11 @@ class NetworkConfig:
     """Largest number of candidates in an observation; 0 for a network without candidates."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _SIZE, "inputs", "outputs")
-        check_fields(self, _LAYERS, "lstm_layers")
-        if any(units not in _SIZE for units in self.layers) or len(self.layers) not in _LAYERS:
+        check_fields(self, SIZES, "inputs", "outputs")
+        check_fields(self, LAYERS, "lstm_layers")
+        if any(units not in SIZES for units in self.layers) or len(self.layers) not in LAYERS:
             raise InputError("NetworkConfig.layers", "8 sizes at most", str(self.layers))
-        if self.lstm_size not in (_SIZE if self.lstm_layers else (0,)):
+        if self.lstm_size not in (SIZES if self.lstm_layers else (0,)):
             expected = "a size above 0 with LSTM layers, 0 without"
             raise InputError("NetworkConfig.lstm_size", expected, str(self.lstm_size))
         if self.activation not in _ACTIVATIONS:

@@ -19,8 +19,9 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
-from albot_agents.trained.network import CANDIDATES, NetworkConfig
+from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.plan_check import check_policy
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
@@ -210,7 +211,7 @@ class AgentExporter:
         plan: The training plan.
 
     Raises:
-        InputError: The environment cannot be made.
+        InputError: The environment cannot be made, or the policy does not fit it.
     """
 
     def __init__(self, plan: TrainingPlan) -> None:
@@ -221,15 +222,13 @@ class AgentExporter:
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
         observation_config = env.get_wrapper_attr("observation_config")
+        check_policy(plan.policy, observation_config, env.action_space)
         self._settings = kept_settings(plan.task, settings, observation_config)
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
-        if plan.policy.sampled and self._discrete:
-            raise InputError("PolicyPlan.sampled", "continuous actions", "discrete actions")
         self._outputs = int(spaces.flatdim(env.action_space))
         self._candidates = 0
         if plan.policy.kind == "candidates":
-            observation_config.require(CANDIDATES, "PolicyPlan.kind candidates")
             self._candidates = self._outputs - 1
         env.close()
 

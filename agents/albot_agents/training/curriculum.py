@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 
 from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.plan_check import MEMORY, check_spaces
 from albot_agents.training.plan_file import stage_settings
 from albot_agents.training.run_files import FIGURES, Row
 from albot_core.errors import InputError
@@ -99,10 +100,8 @@ class Curriculum(VecEnvWrapper):
             InputError: An environment cannot be made, or its spaces differ from the last stage's.
         """
         following = self._make_batch(self.stage + 1)
-        for name in ("observation_space", "action_space"):
-            before, after = getattr(self.venv, name), getattr(following, name)
-            if before != after:
-                raise InputError(f"curriculum[{self.stage + 1}]", f"{name} {before}", str(after))
+        place = MEMORY.at("curriculum", self.stage + 1)
+        check_spaces(self.venv.batch, following.batch, place)
         self.venv.close()
         self.venv = following
         self.stage += 1

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from albot_agents.trained.network import ABSENT, NOTHING
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
-from albot_core.errors import InputError
+from albot_agents.training.plan_check import check_device
 
 _ACTIVATIONS = {"elu": torch.nn.ELU, "relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 GPU_UNITS = 1024
@@ -33,8 +33,7 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
         envs: The environments, `plan.n_envs` of them.
 
     Raises:
-        InputError: The initial action does not fit the actions, or the plan requests a GPU and
-            there is none.
+        InputError: The plan requests a GPU, and there is none.
     """
     if plan.torch_threads:
         torch.set_num_threads(plan.torch_threads)
@@ -65,14 +64,12 @@ def choose_device(plan: TrainingPlan) -> str:
     Raises:
         InputError: The plan requests a GPU, and there is none.
     """
-    there = torch.cuda.is_available()
-    if plan.device == "cuda" and not there:
-        raise InputError("TrainingPlan.device", "auto or cpu, since there is no GPU", "cuda")
+    check_device(plan)
     if plan.device != "auto":
         return plan.device
     policy = plan.policy
     widest = max((*policy.net_arch, *(policy.value_arch or ()), policy.lstm_size * plan.recurrent))
-    return "cuda" if there and widest >= GPU_UNITS else "cpu"
+    return "cuda" if torch.cuda.is_available() and widest >= GPU_UNITS else "cpu"
 
 
 def _policy_kind(plan: TrainingPlan) -> str | type[DeepSetsPolicy]:
@@ -95,14 +92,11 @@ def _policy_settings(plan: TrainingPlan) -> dict[str, Any]:
 
 
 def _set_initial_action(learner: OnPolicyAlgorithm, policy: PolicyPlan) -> None:
-    """Set the policy's output bias to the plan's initial action."""
+    """Set the policy's output bias to the plan's initial action, which has been checked."""
     if policy.initial_action is None:
         return
     bias = learner.policy.action_net.bias
     assert isinstance(bias, torch.nn.Parameter)
-    if len(policy.initial_action) != len(bias):
-        found = str(len(policy.initial_action))
-        raise InputError("PolicyPlan.initial_action", f"{len(bias)} numbers", found)
     with torch.no_grad():
         bias.copy_(torch.tensor(policy.initial_action))
 

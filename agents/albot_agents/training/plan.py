@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from albot_agents.evaluation.plan import parse_seeds
+from albot_agents.trained.network import LAYERS, SIZES
 from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, POSITIVE, SHARE, Range, check_fields
 
@@ -21,6 +22,9 @@ DEVICES = ("auto", "cpu", "cuda")
 
 _COUNT = Range("a whole number from 1", 1.0, whole=True)
 _FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
+_LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
+_LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
+_THREADS = Range("a whole number from 0 to 1024", 0.0, 1024.0, whole=True)
 _FROM_TWO = Range("a whole number from 2, for a standard deviation", 2.0, whole=True)
 
 
@@ -53,14 +57,17 @@ class PolicyPlan:
     """Number of LSTM layers before the hidden layers, for `recurrent_ppo` only."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _COUNT, "lstm_size", "lstm_layers")
-        check_fields(self, FINITE, "log_std_init")
+        check_fields(self, SIZES, "lstm_size")
+        check_fields(self, _LSTM_LAYERS, "lstm_layers")
+        check_fields(self, _LOG_STD, "log_std_init")
         if any(number not in FINITE for number in self.initial_action or ()):
             found = str(list(self.initial_action or ()))
             raise InputError("PolicyPlan.initial_action", "finite numbers", found)
         for name in ("net_arch", "value_arch"):
-            if any(units not in _COUNT for units in getattr(self, name) or ()):
-                raise InputError(f"PolicyPlan.{name}", "sizes from 1", str(getattr(self, name)))
+            sizes = getattr(self, name) or ()
+            if len(sizes) not in LAYERS or any(units not in SIZES for units in sizes):
+                expected = "at most 8 sizes from 1 to 65536"
+                raise InputError(f"PolicyPlan.{name}", expected, str(list(sizes)))
         _check_name("PolicyPlan.kind", self.kind, POLICIES)
         _check_name("PolicyPlan.activation", self.activation, ACTIVATIONS)
 
@@ -168,7 +175,8 @@ class TrainingPlan:
         check_fields(self, FINITE, "vf_coef")
         if self.target_kl is not None:
             check_fields(self, POSITIVE, "target_kl")
-        check_fields(self, _FROM_ZERO, "seed", "torch_threads")
+        check_fields(self, _FROM_ZERO, "seed")
+        check_fields(self, _THREADS, "torch_threads")
         check_fields(self, SHARE, "gamma", "gae_lambda")
         check_fields(self, POSITIVE, "max_grad_norm")
         _check_name("TrainingPlan.algorithm", self.algorithm, ALGORITHMS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping
 from importlib import resources
@@ -13,13 +14,13 @@ import yaml
 
 from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import StagePlan, TrainingPlan
+from albot_agents.training.plan_check import MEMORY, check_device, check_policy, check_spaces
 from albot_core.errors import InputError
 from albot_core.files import write_text
 from albot_core.plain_data import Location, deep_merge, read_config, to_plain
 from albot_core.yaml_document import YamlDocument, read_yaml
 
 _SHIPPED = resources.files("albot_agents.training") / "configs"
-_MEMORY = Location("training plan")
 
 
 def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPlan:
@@ -28,11 +29,12 @@ def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPl
     Args:
         path: The file.
         task: The task; None for the one that the file names.
-        changes: Values of top-level keys that replace the file's.
+        changes: Values of top-level keys that replace the file's, which must be valid anyway. None
+            replaces nothing.
 
     Raises:
-        InputError: The file is missing or not YAML, has an unknown key or an invalid value, or
-            is for another task.
+        InputError: The file is missing or not YAML, has an unknown key or an invalid value, is for
+            another task, or requests a GPU where there is none.
     """
     return _plan(read_yaml(path), path, task, changes)
 
@@ -61,7 +63,7 @@ def save_plan(plan: TrainingPlan, path: Path) -> None:
 
 
 def stage_settings(
-    plan: TrainingPlan, stage: StagePlan, where: Location = _MEMORY
+    plan: TrainingPlan, stage: StagePlan, where: Location = MEMORY
 ) -> dict[str, Any]:
     """Return the settings of a stage's batch of environments.
 
@@ -72,7 +74,7 @@ def stage_settings(
     return _deal_worlds(settings, plan.n_envs)
 
 
-def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[str, Any]:
+def evaluation_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[str, Any]:
     """Return the settings of the evaluations' environments, without their worlds.
 
     They are those of the last stage, overridden by those of the evaluation.
@@ -96,11 +98,13 @@ def _plan(
         named = data.get("task")
         if task is not None and named not in (None, "", task):
             raise where.at("task").error(task, str(named))
-        given = {key: value for key, value in changes.items() if value is not None}
-        data = {**data, "task": task or named or "", **given}
+        data = {**data, "task": task or named or ""}
     plan = read_config(TrainingPlan, data, where)
     with where.relocate_errors():
         check_task(plan.task)
+        given = {name: value for name, value in changes.items() if value is not None}
+        plan = dataclasses.replace(plan, **given)
+    check_device(plan, where)
     _check_environments(plan, where)
     return plan
 
@@ -112,29 +116,56 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
     if plan.evaluation is not None:
         read_settings(plan.task, plan.evaluation.env, where.at("evaluation", "env"))
-        evaluation_settings(plan, where.at("evaluation", "env"))
+    batches = []
     for k, stage in enumerate(plan.stages):
         place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
         settings = stage_settings(plan, stage, place)
         _check_discount(plan, settings, place)
-        _try_out(plan, k, settings, where)
+        batches.append(_try_out(plan, stage.env, settings, where.at("env"), place))
+        check_spaces(batches[0], batches[-1], place)
+    check_policy(plan.policy, batches[0].observation_config, batches[0].single_action_space, where)
+    if plan.evaluation is not None:
+        place = where.at("evaluation", "env")
+        settings = evaluation_settings(plan, place)
+        batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
+        check_spaces(batches[0], batch, place)
 
 
-def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where: Location) -> None:
-    """Make one environment in each world of a stage; errors name the place in the plan."""
+def _try_out(
+    plan: TrainingPlan,
+    own: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    where: Location,
+    own_place: Location,
+) -> Any:
+    """Make one environment in each world of a stage; return the batch, closed.
+
+    Args:
+        plan: The plan.
+        own: The settings that the stage itself gives.
+        settings: All settings of the stage.
+        where: Location of the plan's settings.
+        own_place: Location of the stage's own settings.
+
+    Raises:
+        InputError: The settings are invalid; the error names the place in the plan.
+    """
     given = dict(settings)
     if isinstance(given.get("world"), list):
         given["world"] = list(dict.fromkeys(given["world"]))
     count = len(given["world"]) if isinstance(given.get("world"), list) else 1
     try:
-        gymnasium.make_vec(plan.task, num_envs=count, **given).close()
+        batch: Any = gymnasium.make_vec(plan.task, num_envs=count, **given)
     except InputError as error:
         words = re.findall(r"\w+", f"{error.source} {error.place}")
         named = [name for name in words if name in settings][:1]
-        own = plan.stages[stage].env
-        place = where.at("curriculum", stage, "env") if set(named) & own.keys() else where.at("env")
-        expected = error.expected if [error.place] == named else f"{error.place} {error.expected}"
-        raise place.at(*named).error(expected.strip(), error.found) from None
+        place = (own_place if set(named) & own.keys() else where).at(*named)
+        told = place.place(place.path)
+        if error.place and [error.place] != named:
+            told = f"{told}, {error.place}"
+        raise InputError(place.source, error.expected, error.found, place=told) from None
+    batch.close()
+    return batch
 
 
 def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Location) -> None:

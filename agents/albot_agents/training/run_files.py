@@ -19,7 +19,7 @@ from jaxtyping import Float64
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError
-from albot_core.files import make_folder, read_bytes, write_text
+from albot_core.files import make_folder, new_folder, read_bytes, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
 
@@ -94,12 +94,11 @@ class RunFolder:
         if self.monitor.exists():
             expected = f"a folder without a run (or --resume {self.path})"
             raise InputError(self.path, expected, self.monitor.name)
-        make_folder(self.path)
-        write_text(
-            self.versions, json.dumps({"command": command, **machine_facts()}, indent=1) + "\n"
-        )
-        self.checkpoints.mkdir(exist_ok=True)
-        save_plan(plan, self.plan)
+        facts = {"command": command, **machine_facts()}
+        with new_folder(self.path):
+            write_text(self.versions, json.dumps(facts, indent=1) + "\n")
+            make_folder(self.checkpoints)
+            save_plan(plan, self.plan)
 
     def resume(self, task: str | None, **changes: Any) -> TrainingPlan:
         """Delete temporary files that a killed process left; return the plan of the existing run.

@@ -98,6 +98,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
             self.task, num_envs, threads=threads, **settings
         )
         self._robots: Robots = interface.robots
+        self.observation_config = interface.observation_config
+        """How observations are made of readings, with the sensors chosen."""
         self.num_envs = num_envs
         self._mode = _choose_mode(autoreset_mode, environment)
         self.metadata = {"render_modes": [], "autoreset_mode": self._mode}

@@ -55,11 +55,8 @@ def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
 
 def test_where_there_is_nothing_to_weigh_that_is_said(tmp_path: Path) -> None:
     policy = {"kind": "candidates", "initial_action": None}
-    folder, plan = begun(tmp_path, policy=policy)
-    with pytest.raises(
-        InputError, match=r"kind candidates: expected .* part arrivals, found laser"
-    ):
-        TrainingRun(folder, plan)
+    with pytest.raises(InputError, match=r"kind: expected .* part arrivals, found candidates and"):
+        begun(tmp_path, policy=policy)
     with pytest.raises(InputError, match="policy: expected kind mlp for an LSTM, found candidates"):
         begun(tmp_path, policy=policy, algorithm="recurrent_ppo")
     with pytest.raises(InputError, match="did you mean candidates"):

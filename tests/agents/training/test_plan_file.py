@@ -74,7 +74,7 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"learning_rate": "cos_3"}, "learning_rate: expected a number from 0, lin_A or lin_A_B"),
         ({"learning_rate": "lin_x"}, "learning_rate: expected a number from 0, lin_A"),
         ({"policy": {"activation": "tan"}}, "policy.activation: .*did you mean tanh"),
-        ({"policy": {"net_arch": [0]}}, "policy.net_arch: expected sizes from 1"),
+        ({"policy": {"net_arch": [0]}}, "policy.net_arch: expected at most 8 sizes from 1"),
         ({"policy": {"net_arch": 64}}, "policy.net_arch: expected a list, found 64"),
         ({"env": {"maper": "none"}}, "env.maper: expected one of .*did you mean mapper"),
         ({"env": {"config": {"radus": 2}}}, "env.config.radus: .*did you mean radius"),
@@ -92,11 +92,18 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"batch_size": 1}, "batch_size: expected a whole number from 2"),
         ({"target_kl": 0}, "target_kl: expected a positive number"),
         ({"vf_coef": float("inf")}, "vf_coef: expected a finite number"),
-        ({"policy": {"log_std_init": float("nan")}}, "policy.log_std_init: expected a finite"),
+        ({"policy": {"log_std_init": float("nan")}}, "policy.log_std_init: expected a number"),
         ({"policy": {"initial_action": [0, float("nan")]}}, "initial_action: expected finite"),
         ({"env": {"world": "nope"}}, r"line \d+, env.world: expected a file, random"),
         ({"env": {"world": ["square-loop", "nope"]}}, r"line \d+, env.world: .*found nope"),
-        ({"env": {"world": "random:office:1?rooms=1"}}, "env.world: expected random:office, rooms"),
+        (
+            {"env": {"world": "random:office:1?rooms=1"}},
+            r"line \d+, env.world, random:office, rooms: expected a whole number from 2",
+        ),
+        (
+            {"env": {"world": "random:ofice:1"}},
+            "env.world, random world: expected one of the kinds .*did you mean office",
+        ),
         ({"env": {"mapper": "nope"}}, r"line \d+, env.mapper: expected none or one of albot0"),
         ({"env": {"threads": 0}}, r"line \d+, env.threads: expected a whole number from 1"),
         (
@@ -105,6 +112,31 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ),
         ({"curriculum": [{"env": {"odometer": "x"}}]}, r"curriculum\[0\].env.odometer: expected"),
         ({"device": "tpu"}, "device: expected one of auto, cpu, cuda"),
+        (
+            {"policy": {"initial_action": [1]}},
+            r"line \d+, policy.initial_action: expected 3 numbers, found 1",
+        ),
+        (
+            {"policy": {"kind": "candidates"}},
+            r"line \d+, policy.kind: expected mlp, or .* arrivals, found candidates and laser",
+        ),
+        (
+            {"policy": {"sampled": True, "initial_action": None}, "env": {"action": "discrete"}},
+            r"line \d+, policy.sampled: expected false for discrete actions, found true",
+        ),
+        ({"policy": {"net_arch": [8] * 9}}, "policy.net_arch: expected at most 8 sizes"),
+        ({"policy": {"net_arch": [100_000]}}, "policy.net_arch: .* from 1 to 65536"),
+        ({"policy": {"log_std_init": 1000}}, "policy.log_std_init: expected a number from -20 to"),
+        ({"policy": {"lstm_layers": 9}}, "policy.lstm_layers: expected a whole number from 1 to 8"),
+        ({"torch_threads": 10**12}, "torch_threads: expected a whole number from 0 to 1024"),
+        (
+            {"curriculum": [{"for_steps": 9}, {"env": {"action": "discrete"}}]},
+            r"curriculum\[1\].env: expected the same actions as before, Box.*, found Discrete",
+        ),
+        (
+            {"evaluation": {"env": {"laser": "none"}}},
+            "evaluation.env: expected the same observations as before, Box",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_where_it_stands(
@@ -113,6 +145,21 @@ def test_what_is_wrong_is_said_where_it_stands(
     with pytest.raises(InputError, match=message) as caught:
         read_plan(plan_file(tmp_path / "plan.yml", **changes))
     assert "\n" not in str(caught.value)
+
+
+def test_a_gpu_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(InputError, match=r"plan.yml, line \d+, device: expected auto or cpu"):
+        read_plan(plan_file(tmp_path / "plan.yml", device="cuda"))
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    assert read_plan(plan_file(tmp_path / "plan.yml", device="cuda")).device == "cuda"
+
+
+def test_what_is_replaced_must_be_valid_too(tmp_path: Path) -> None:
+    assert read_plan(plan_file(tmp_path / "plan.yml"), n_timesteps=7).n_timesteps == 7
+    file = plan_file(tmp_path / "plan.yml", n_timesteps=float("nan"))
+    with pytest.raises(InputError, match=r"line \d+, n_timesteps: expected a whole number"):
+        read_plan(file, n_timesteps=7)
 
 
 def test_a_plan_is_for_its_task(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import errno
 import json
 import shutil
@@ -204,10 +205,11 @@ def test_an_agent_may_draw_its_numbers_and_do_the_same_again(tmp_path: Path) -> 
 
 
 def test_of_discrete_actions_none_is_drawn(tmp_path: Path) -> None:
-    policy = {"net_arch": [8], "initial_action": None, "sampled": True}
+    policy = {"net_arch": [8], "initial_action": None}
     folder, plan = begun(tmp_path, policy=policy, env={"action": "discrete"})
-    with pytest.raises(InputError, match=r"PolicyPlan\.sampled"):
-        TrainingRun(folder, plan)
+    sampled = dataclasses.replace(plan.policy, sampled=True)
+    with pytest.raises(InputError, match=r"training plan, policy\.sampled: expected false for"):
+        TrainingRun(folder, dataclasses.replace(plan, policy=sampled))
 
 
 def test_a_run_is_not_begun_twice_in_a_folder(trained: Trained, tmp_path: Path) -> None:

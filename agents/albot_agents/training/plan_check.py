@@ -1,0 +1,80 @@
+"""What a plan must fulfil beyond its own values: the learner's device, and the environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import VectorEnv
+
+from albot_agents.trained.network import CANDIDATES
+from albot_agents.training.plan import PolicyPlan, TrainingPlan
+from albot_core.errors import InputError
+from albot_core.plain_data import Location
+from albot_env.tasks.core.observation import ObservationConfig
+
+Batch = VectorEnv[Any, Any, np.ndarray]
+MEMORY = Location("training plan")
+"""Location of a plan that was not read from a file."""
+
+
+def check_device(plan: TrainingPlan, where: Location = MEMORY) -> None:
+    """Raise InputError if the plan requests a GPU and there is none.
+
+    Args:
+        plan: The plan.
+        where: Location of the plan.
+    """
+    if plan.device != "cuda":
+        return
+    import torch  # Slow to load.
+
+    if not torch.cuda.is_available():
+        raise where.at("device").error("auto or cpu, since there is no GPU", "cuda")
+
+
+def check_policy(
+    policy: PolicyPlan,
+    observation_config: ObservationConfig,
+    actions: spaces.Space[Any],
+    where: Location = MEMORY,
+) -> None:
+    """Raise InputError if a policy does not fit the observations and actions of an environment.
+
+    Args:
+        policy: The policy.
+        observation_config: The environment's observation config.
+        actions: The environment's action space.
+        where: Location of the plan.
+    """
+    where = where.at("policy")
+    discrete = isinstance(actions, spaces.Discrete)
+    outputs = spaces.flatdim(actions)
+    if policy.sampled and discrete:
+        raise where.at("sampled").error("false for discrete actions", "true")
+    if policy.kind == "candidates":
+        outputs = 2  # Logits of "none" and of "this one".
+        try:
+            observation_config.require(CANDIDATES, "candidates")
+        except InputError as error:
+            expected = f"mlp, or {error.expected}"
+            raise where.at("kind").error(expected, f"candidates and {error.found}") from None
+    if policy.initial_action is not None and len(policy.initial_action) != outputs:
+        found = str(len(policy.initial_action))
+        raise where.at("initial_action").error(f"{outputs} numbers", found)
+
+
+def check_spaces(before: Batch, after: Batch, where: Location) -> None:
+    """Raise InputError if two batches differ in the observations or actions of one environment.
+
+    Args:
+        before: The batch whose spaces are expected.
+        after: The batch to check.
+        where: Location of its settings in the plan.
+    """
+    for name in ("single_observation_space", "single_action_space"):
+        expected, found = getattr(before, name), getattr(after, name)
+        if expected != found:
+            kind = "observations" if "observation" in name else "actions"
+            raise where.error(f"the same {kind} as before, {expected}", str(found))
