@@ -89,9 +89,8 @@ def read_world(path: Path) -> World:
         return read_stage_world(path)
     if kind in _PICTURES:
         return _read_yaml_world(_description_of(path))
-    raise InputError(
-        path, "a world file: .yaml, .xml, .json, .world, .pgm or .png", kind or "no suffix"
-    )
+    found = "a folder" if exists(path) and path.is_dir() else kind or "no suffix"
+    raise InputError(path, "a world file: .yaml, .xml, .json, .world, .pgm or .png", found)
 
 
 def _read_yaml_world(path: Path) -> World:

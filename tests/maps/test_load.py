@@ -64,6 +64,14 @@ def test_any_other_spec_names_one_world(spec: str) -> None:
     assert worlds[0].name == load_world(spec).name
 
 
+def test_a_folder_is_no_world(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected a world file: .yaml, .*, found a folder"):
+        load_world(str(tmp_path))
+    (tmp_path / "a.yaml").mkdir()
+    with pytest.raises(InputError, match="expected a file, found a folder"):
+        load_world(str(tmp_path / "a.yaml"))
+
+
 def test_a_world_is_made_once_and_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 

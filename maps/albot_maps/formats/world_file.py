@@ -26,6 +26,7 @@ from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Ro
 
 Thing = TypeVar("Thing", Door, Box, Walker)
 
+_VERSION = 1
 _ANGLES = ("heading", "opening")
 """Fields in degrees; `heading_rad` and `opening_rad` are in radians."""
 
@@ -80,7 +81,7 @@ def world_text(world: World) -> str:
 
     Chains of walls are written as polylines, glass last. The world's `source` is not written.
     """
-    lines = ["albot-world: 1", f"name: {_quoted(world.name)}"]
+    lines = [f"albot-world: {_VERSION}", f"name: {_quoted(world.name)}"]
     sections = {
         "notes": [f"- {_quoted(note)}" for note in world.notes],
         "walls": [f"- {format_array(line)}" for line in _chains(world.opaque)],
@@ -117,6 +118,11 @@ def _check_schema(document: YamlDocument, source: str) -> None:
     if "albot-world" not in data:
         found = ", ".join(data) or "none"
         raise InputError(source, "the key albot-world", f"the keys {found}", place="line 1")
+    version = data["albot-world"]
+    if version != _VERSION or isinstance(version, bool):
+        # Before all else: the keys of another version are not known here.
+        expected, place = f"version {_VERSION} of the format", document.place(("albot-world",))
+        raise InputError(source, expected, format_value(version), place=place)
     error = best_match(_validator().iter_errors(data), key=_rank)
     if error is not None:
         path, expected, found = _explained(error)

@@ -214,6 +214,8 @@ def replaced(old: str, new: str) -> str:
         ("just text", "line 1", "found just text"),
         ("name: x\nwalls: []\n", "line 1", "expected the key albot-world, found the keys name, wa"),
         (replaced("albot-world: 1", "albot-world: 2"), "line 1, albot-world", "version 1"),
+        ("albot-world: 2\nplan: x\n", "line 1, albot-world", "version 1 of the format, found 2"),
+        ("albot-world: true\n", "line 1, albot-world", "version 1 of the format, found true"),
         (replaced("walls:", "wals:"), "line 3, wals", "did you mean walls?"),
         (replaced("heading", "heeding"), "line 12, starts[0].heeding", "did you mean heading?"),
         (replaced("heading: 90", "heading_rad: 1, heading: 90"), "line 12, starts[0]", "degrees"),
