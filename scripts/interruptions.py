@@ -131,6 +131,7 @@ A computer that loses its power is another matter: nothing is forced to the disk
 What is there is never overwritten unasked. A command that is to write a file that exists, or into a
 folder that holds files of these names, refuses; `--force` overwrites them. `albot play` numbers the
 files that nobody named: `episode.mcap`, `episode-1.mcap`, …. Only `albot results` keeps a page up
-to date. A file is written to where its symbolic link leads; a pipe or a device gets the bytes, but
-no episode goes into a pipe. Commands make the folder that they are given, and none above it.
+to date, whose figures lie beside it. A file is written to where its symbolic link leads; a pipe or
+a device gets the bytes, but no episode goes into a pipe. Commands make the folder that they are
+given, and none above it.
 """

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path, dir_okay=False),
     default=Path("docs/results.md"),
     show_default=True,
-    help="The page; the figures go into a JSON file beside it.",
+    help="The page, a .md file; the figures go into a JSON file beside it.",
 )
 @click.option(
     "--task",
@@ -66,18 +66,26 @@ def command(
     """Measure all agents in all tasks, and write the page of results.
 
     The page is rewritten after each task. If Ctrl-C stops it, the exit status is 130, and only the
-    figures of the current task are lost.
+    figures of the current task are lost. A page whose figures are not beside it is not overwritten.
     """
     from albot_agents.evaluation.comparison import COMPARISONS, PLANS, RANDOM, plan_paired_trials
     from albot_agents.evaluation.plan import parse_seeds
     from albot_agents.evaluation.results_page import read_figures, render_page, save_figures
+    from albot_agents.task import find_task
     from albot_core.files import write_text
 
     known = [comparison.task for comparison in COMPARISONS]
+    tasks = tuple(map(find_task, tasks))
     for task in tasks:
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
+    if out.suffix != ".md":
+        raise InputError("--out", "a name that ends in .md", str(out))
     figures = out.with_suffix(".json")
+    if out.exists() and not figures.exists():
+        raise InputError(
+            out, f"a page with its figures in {figures.name}, or no file", "a page alone"
+        )
     check_file(out, force=True)  # Existing rows are kept.
     read_figures(figures)  # A file that is not one of figures raises before the work begins.
     comparisons = [

@@ -40,7 +40,7 @@ _COLUMNS: Mapping[str, tuple[str, str | None, str]] = {
 
 
 def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, Any]]:
-    """Write rows to a JSON file, atomic_write those of the same tasks; return all rows of the file.
+    """Write rows to a JSON file, replacing those of the same tasks; return all rows of the file.
 
     Raises:
         InputError: The file cannot be written, or exists and is not a file of figures.

@@ -85,8 +85,13 @@ def test_the_command_refuses_before_it_works(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(comparison, "COMPARISONS", (SHORT,))
+    (tmp_path / "notes.md").write_text("mine")
     for words, said in (
-        (["--task", "Albot/Homing-v1"], "--task: expected one of Albot/Homing-v0"),
+        (["--task", "Albot/Homing-v1"], "did you mean Albot/Homing-v0"),
+        (["--task", "explore"], "--task: expected one of Albot/Homing-v0, found Albot/Explore-v0"),
+        (["--task", "homing", "--seeds", "1.."], "--seeds: expected A..B"),
+        (["--out", str(tmp_path / "page.json")], "--out: expected a name that ends in .md"),
+        (["--out", str(tmp_path / "notes.md")], "expected a page with its figures in notes.json"),
         (["--seeds", "5..3"], "--seeds"),
         (["--out", str(tmp_path)], "directory"),
     ):
@@ -95,6 +100,7 @@ def test_the_command_refuses_before_it_works(
             main()
         assert stopped.value.code == 2
         assert said in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.md"]
 
 
 def test_ctrl_c_keeps_the_tasks_that_are_measured(
