@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 from collections.abc import Collection, Mapping
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
+from albot_core.maps.layers import LAYERS
 from albot_core.plain_data import Location, read_config
 from albot_core.sensing.reading import Sensor
 
@@ -26,6 +27,8 @@ _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IE
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
 _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
+_MEMBERS = tuple(name for name in vars(Mapper) if not name.startswith("_"))
+"""The properties and methods that every mapper has."""
 
 MAPPERS: dict[str, MapperSpec] = {
     spec.name: spec
@@ -172,8 +175,16 @@ def register_mapper(spec: MapperSpec) -> None:
     """Register a mapping system under its name.
 
     Raises:
-        InputError: Another mapper has this name.
+        InputError: Another mapper has this name, or there is no such sensor or layer.
     """
+    for field, names, known in (
+        ("sensors", spec.sensors, get_args(Sensor)),
+        ("layers", spec.layers, tuple(LAYERS)),
+    ):
+        for name in set(names).difference(known):
+            found = f"{name}{did_you_mean(name, known)}"
+            expected = f"only {', '.join(known)}"
+            raise InputError(f"mapper {spec.name}", expected, found, place=field)
     if MAPPERS.setdefault(spec.name, spec) != spec:
         raise InputError("register_mapper", "a name that no other mapper has", repr(spec.name))
 
@@ -257,12 +268,18 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
         rng: Source of its random numbers; by default a generator of seed 0.
 
     Raises:
-        InputError: The mapper is unknown, the config is not of its class, or an extra that the
-            mapper needs is not installed.
+        InputError: The mapper is unknown, the config is not of its class, an extra that the mapper
+            needs is not installed, or what its factory makes is no mapper.
     """
     spec = mapper_spec(name)
     check_installed(spec)
-    mapper: Mapper = _load(spec.factory)(config=mapper_config(spec, config), name=spec.name)
+    mapper: Mapper = _load(spec, "factory")(config=mapper_config(spec, config), name=spec.name)
+    # Of the class, because a property of the object is costly.
+    known = {*dir(type(mapper)), *getattr(mapper, "__dict__", ())}
+    if missing := [member for member in _MEMBERS if member not in known]:
+        expected = f"the members of Mapper: {', '.join(_MEMBERS)}"
+        found = f"{type(mapper).__name__} without {', '.join(missing)}"
+        raise InputError(f"mapper {spec.name}", expected, found, place="factory")
     if rng is not None:
         mapper.reset(rng)
     return mapper
@@ -278,7 +295,7 @@ def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
     config = mapper_config(spec, config)
     if spec.batch is None:
         return LoopedMappers([make_mapper(name, config=config) for _ in range(count)])
-    mappers: MapperBatch = _load(spec.batch)(count, config=config, name=spec.name)
+    mappers: MapperBatch = _load(spec, "batch")(count, config=config, name=spec.name)
     return mappers
 
 
@@ -295,7 +312,7 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
         InputError: The config is of another class, or the mapping holds an unknown key or an
             invalid value; the message names it.
     """
-    default = _load(spec.config)()
+    default = _load(spec, "config")()
     if config is None:
         return default
     where = Location(f"mapper {spec.name}, config") if where is None else where
@@ -306,10 +323,18 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
     return config
 
 
-def _load(where: str) -> Any:
-    """Import and return what `module:name` names."""
-    module, name = where.split(":")
+def _load(spec: MapperSpec, field: str) -> Any:
+    """Import and return what a field of a spec names as `module:name`.
+
+    Raises:
+        InputError: The module has nothing of this name.
+    """
+    named = getattr(spec, field)
+    module, _, path = named.partition(":")
     loaded: Any = importlib.import_module(module)
-    for part in name.split("."):
+    for part in path.split("."):
+        if not hasattr(loaded, part):
+            found = f"{named}{did_you_mean(part, dir(loaded))}"
+            raise InputError(f"mapper {spec.name}", "a name in its module", found, place=field)
         loaded = getattr(loaded, part)
     return loaded

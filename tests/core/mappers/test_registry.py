@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_core.mappers import registry
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.mapper import MapperSpec
 from albot_core.mappers.registry import (
@@ -88,6 +91,49 @@ def test_a_name_is_registered_once():
     with pytest.raises(InputError, match="no other mapper has, found 'grid'"):
         register_mapper(other)
     assert MAPPERS["grid"].factory.endswith("grid:GridMapper")
+
+
+def _named(**changes: Any) -> str:
+    """Register the topological mapper under another name, with changes to its spec."""
+    spec = dataclasses.replace(mapper_spec("topological"), name="odd")
+    for field, value in changes.items():
+        object.__setattr__(spec, field, value)  # Types are checked in tests alone.
+    register_mapper(spec)
+    return spec.name
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"layers": ("place_grph",)},
+            r"mapper odd, layers: .* place_grph \(did you mean place_gra",
+        ),
+        (
+            {"sensors": frozenset({"lidar"})},
+            "mapper odd, sensors: expected only laser, sonar, scen",
+        ),
+        ({"factory": f"{topological.__name__}:TopologcalMapper"}, "factory: .*did you mean Topol"),
+        ({"config": f"{topological.__name__}:Nope"}, "config: expected a name in its module"),
+        (
+            {"factory": f"{__name__}:Incomplete"},
+            "odd, factory: expected .* spec, config, .* found Incomplete without spec, update",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_mapper_is_said_before_it_works(changes, message, monkeypatch):
+    monkeypatch.setattr(registry, "MAPPERS", dict(MAPPERS))
+    with pytest.raises(InputError, match=message):
+        make_mapper(_named(**changes))
+
+
+class Incomplete:
+    """Lacks `spec` and `update`."""
+
+    estimate = reset = snapshot = state = restore = None
+
+    def __init__(self, config: object, name: str) -> None:
+        self.config = config
 
 
 def test_a_config_is_of_the_mappers_own_class():
