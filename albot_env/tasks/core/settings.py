@@ -175,6 +175,8 @@ def equip(
         try:
             spec = mapper_spec(mapper)
         except InputError as error:
+            if error.source != "mapper":  # The module that registers it refuses something.
+                raise
             raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None
         check_sensors(spec, sensors.available, "the robot's sensors")
         # Always the complete config: it identifies the equipment in the keys of journeys.

@@ -41,6 +41,14 @@ def test_without_a_mapper_there_are_no_thresholds() -> None:
         gymnasium.make("Albot/Explore-v0", mapper="none", mapper_config={"width": 1.0})
 
 
+def test_what_a_mappers_own_module_refuses_is_told_as_it_is(tmp_path, monkeypatch) -> None:
+    text = "from albot_core.errors import InputError\nraise InputError('mapper odd', 'x', 'y')\n"
+    (tmp_path / "odd_mapper.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"^mapper odd: expected x, found y$"):
+        gymnasium.make("Albot/Explore-v0", mapper="odd_mapper:odd")
+
+
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
 def test_a_mapper_that_needs_a_sensor_which_is_missing_is_refused(make) -> None:
     if "seer" not in MAPPERS:
