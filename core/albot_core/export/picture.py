@@ -141,7 +141,8 @@ def _draw_panel(panel: Panel, axes: Axes) -> None:
     axes.plot(x, y, color=_PATH, linewidth=1.2, alpha=0.8, label="believed path")
     for layer in panel.snapshot.layers:
         draw_layer(layer, axes)
-    axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=3)
+    # On top of the place that is there, below its label.
+    axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=5.5)
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -13,7 +13,7 @@ from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import place_graph_to_networkx, write_graphml
 from albot_core.export.picture import write_picture
 from albot_core.mappers.albot1.places.network_view import Exit, Network, Place
-from albot_core.maps.layers import MapSnapshot, PlaceGraph, SegmentsLayer
+from albot_core.maps.layers import MapSnapshot, PlaceGraph, PlaceNode, SegmentsLayer
 
 
 def exit_at(x: float, leads_to: int, exit_there: int) -> Exit:
@@ -94,3 +94,16 @@ def test_places_are_drawn_over_the_map(network, tmp_path):
     assert purple[0].sum() == 0
     # Three nodes of 15 points across, at 100 dots an inch.
     assert purple[1].sum() > 3 * 200
+
+
+def test_the_picture_shows_home_on_top_of_the_place_that_is_there(tmp_path):
+    node = PlaceNode(id=0, label="", pose=np.zeros(3), middle=np.zeros(2))
+    snapshot = MapSnapshot(layers=(PlaceGraph(nodes=(node,), current=0, home=0),))
+    believed = np.array([[0.0, 0, 0], [3, 0, 0]])
+    write_picture(tmp_path / "a.png", title="", snapshot=snapshot, believed=believed)
+    with Image.open(tmp_path / "a.png") as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    home = (pixels == (0x18, 0x64, 0xAB)).all(axis=2)
+    on_map, in_legend = home[:-60].sum(), home[-60:].sum()
+    assert in_legend > 0
+    assert on_map == pytest.approx(in_legend, rel=0.1)  # But for how the edges are blended.
