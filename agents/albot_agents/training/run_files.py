@@ -18,7 +18,7 @@ from jaxtyping import Float64
 
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
-from albot_core.errors import InputError
+from albot_core.errors import InputError, MissingFileError
 from albot_core.files import make_folder, new_folder, read_bytes, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
@@ -225,6 +225,8 @@ class EpisodeLog:
                 except OSError:
                     stream.truncate(self.size)
                     raise
+        except FileNotFoundError:
+            raise MissingFileError(self._path) from None
         except OSError as error:
             raise InputError(self._path, "free disk space", error.strerror or str(error)) from None
 

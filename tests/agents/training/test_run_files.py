@@ -86,6 +86,9 @@ def test_a_full_disk_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.Monk
     assert lines[2:] == ["1.5,10,0.25,1,", "2,3,0.5"]
     with pytest.raises(InputError, match="999 bytes or more"):
         EpisodeLog(tmp_path / "monitor.csv", "Albot/Homing-v0", 999)
+    (tmp_path / "monitor.csv").unlink()
+    with pytest.raises(InputError, match=r"monitor\.csv: file not found"):
+        EpisodeLog(tmp_path / "monitor.csv", "Albot/Homing-v0", whole)
 
 
 def test_the_curve_of_its_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
