@@ -42,11 +42,11 @@ class SonarDriverConfig:
     """A direction is open if so much is free in it (m)."""
     aside: float = math.radians(20.0)
     """A robot path ends where the target is farther to the side (rad)."""
-    memory: float = 10.0
+    memory: float = 2.0
     """How long echoes are kept (s), that what lies beside and behind is known."""
     reach: float = 2.5
     """Echoes from farther away are left out (m): a cone is too wide there to tell the way."""
-    near: float = 0.5
+    near: float = 0.3
     """Nearer echoes may come from anywhere in the cone (m), others from its middle."""
     patience: float = 6.0
     """Within this time (s) the robot must have come…"""
@@ -84,7 +84,7 @@ class SonarDriver:
         steering: SteeringConfig | None = None,
     ) -> None:
         self._config = config
-        self._steering = steering or SteeringConfig(radius=0.28)
+        self._steering = steering or SteeringConfig(radius=0.265)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew."""

@@ -12,15 +12,24 @@ from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator
 from albot_env.sim.sonar import SONARS
-from albot_maps import load_world
+from albot_maps import World, load_world
+
+HALL = load_world("office-hall")
 
 
-def drive(sonar: str, steps: int, goal: np.ndarray | None, seed: int = 0) -> tuple[np.ndarray, int]:
-    """Where the robot came in the hall's office, and how often it touched something."""
+def drive(
+    sonar: str,
+    steps: int,
+    goal: np.ndarray | None,
+    seed: int = 0,
+    world: World = HALL,
+    start: tuple[float, float, float] = (3.2, 9.5, 0.0),
+) -> tuple[np.ndarray, int]:
+    """Where the robot came, in the hall's office, and how often it touched something."""
     sensors = Sensors(laser=None, odometer=ODOMETERS["ideal"], sonar=SONARS[sonar])
-    simulator, driver = Simulator(load_world("office-hall"), sensors=sensors), SonarDriver()
+    simulator, driver = Simulator(world, sensors=sensors), SonarDriver()
     rng = np.random.default_rng(seed)
-    reading = simulator.reset(rng, np.array((3.2, 9.5, 0.0)))
+    reading = simulator.reset(rng, np.array(start))
     driver.reset(rng)
     way, touched = [simulator.pose[:2].copy()], 0
     for _ in range(steps):
@@ -43,6 +52,24 @@ def test_it_wanders_without_touching_anything(sonar: str) -> None:
 def test_it_comes_through_a_door_to_its_target() -> None:
     way, _ = drive("ideal", 400, np.array((7.7, 5.0)))
     assert np.hypot(*(way - (7.7, 5.0)).T).min() < 0.5
+
+
+@pytest.mark.parametrize("width", [0.9, 1.2])
+def test_it_passes_doors_from_anywhere_without_touching_them(width: float) -> None:
+    """Two rooms of 6 m, and a door in a wall of 15 cm; 0.9 m is that of the random offices."""
+    below, above = 3.0 - width / 2, 3.0 + width / 2
+    outline = [(0, 0, 12, 0), (12, 0, 12, 6), (12, 6, 0, 6), (0, 6, 0, 0)]
+    sides = [(x, *part) for x in (5.925, 6.075) for part in ((0, x, below), (above, x, 6))]
+    jambs = [(5.925, y, 6.075, y) for y in (below, above)]
+    walls = np.array([*outline, *sides, *jambs])
+    rooms = World(name="two-rooms", walls=walls, starts=np.array([[2.0, 2.0, 0.0]]))
+    rng, passed = np.random.default_rng(1), 0
+    for seed in range(10):
+        start = (rng.uniform(1, 5), rng.uniform(1, 5), rng.uniform(-3, 3))
+        way, touched = drive("pioneer", 600, np.array((7.5, 3.0)), seed, rooms, start)
+        assert touched == 0
+        passed += bool(way[:, 0].max() > 6.5)
+    assert passed >= 9
 
 
 def test_it_drives_straight_until_an_obstacle() -> None:

@@ -148,8 +148,8 @@ class Albot0:
     def _lay_out(self) -> WayBack:
         """The way home, from where the robot may be now."""
         out, trail = slice(0, len(self._out.steps.lines)), self._trail
-        steps, config = trail.steps.part(out), self.config.way_back
-        return WayBack(steps, trail.particles, trail.frame, config)
+        steps, config = trail.steps, self.config.way_back
+        return WayBack(steps.part(out), steps.surfaces, trail.particles, trail.frame, config)
 
     def _believe(self, confidences: Confidences) -> None:
         self._confidences = confidences

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
@@ -30,6 +30,9 @@ _GAP = 0.5
 _BESIDE = 1.5
 """Between two points of the way out no farther apart (m) the robot can go straight, if there is no
 surface between."""
+_AROUND = 3.0
+"""The robot goes to no point of the way out that is nearer than this (m) if a surface lies between,
+unless there is no other."""
 _LEAST = 1e-9
 """No two points of the way out are taken to be nearer to each other than this (m)."""
 _LOOP = 0.99
@@ -60,15 +63,22 @@ class WayBack:
 
     Args:
         out: The steps of the way out, one at least.
+        surfaces: Those beside the way out, and beside the way home so far (m).
         particles: Where the robot may be, in the frame of the way out.
         frame: Where that frame lies in the odometer's.
         config: How the way home leads.
     """
 
     def __init__(
-        self, out: Steps, particles: Particles, frame: Pose, config: WayBackConfig
+        self,
+        out: Steps,
+        surfaces: Segments,
+        particles: Particles,
+        frame: Pose,
+        config: WayBackConfig,
     ) -> None:
         self._out = out
+        self._surfaces = surfaces
         self._particles = particles
         self._frame = frame
         self._config = config
@@ -102,13 +112,21 @@ class WayBack:
     def ahead(self, pose: Pose) -> tuple[Points, float]:
         """A point a little ahead on the way home, and how far it is home along the way (m).
 
+        The way begins where the robot sees the way out nearest to it.
+
         The point is NaN where home is nearer.
 
         Args:
             pose: Where the odometer has the robot.
         """
         (left, towards_home), (points, _) = self._way_home, self._laid
-        away = np.hypot(*(transform_points(inverse(self._frame), pose[:2]) - points).T)
+        robot = transform_points(inverse(self._frame), pose[:2])
+        away = np.hypot(*(robot - points).T)
+        around = np.flatnonzero(away <= _AROUND)
+        barred = self._barred(np.broadcast_to(robot, (len(around), 2)), points[around])
+        if not barred.all():
+            # Nearer ones may lie behind a wall. Where all do, it is the trail that errs.
+            away[around[barred]] = np.inf
         is_near = away <= away.min() + self._config.near
         total = np.where(is_near, away + left, np.inf)
         goal = int(total.argmin())
@@ -117,6 +135,17 @@ class WayBack:
             goal = int(towards_home[goal])
         point = points[goal] if goal > 0 else np.full(2, np.nan)
         return transform_points(self._frame, point), length
+
+    def _barred(self, places: Points, others: Points) -> Bool[np.ndarray, "ways"]:
+        """Whether a surface lies between places and others (m)."""
+        ways = shapely.linestrings(np.stack((places, others), axis=1))
+        barred = np.zeros(len(ways), np.bool_)
+        barred[self._walls.query(ways, predicate="intersects")[0]] = True
+        return barred
+
+    @cached_property
+    def _walls(self) -> STRtree:
+        return STRtree(shapely.linestrings(self._surfaces.reshape(-1, 2, 2)))
 
     @cached_property
     def _way_home(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
@@ -127,9 +156,7 @@ class WayBack:
         points, count = self._laid[0], len(self._laid[0])
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
         beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
-        walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
-        barred = walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
-        beside = np.delete(beside, barred, axis=0)
+        beside = beside[~self._barred(*points[beside].swapaxes(0, 1))]
         along = np.stack((np.arange(count - 1), np.arange(1, count)), axis=-1)
         one, other = np.concatenate((along, beside)).T
         lengths = np.maximum(np.hypot(*(points[one] - points[other]).T), _LEAST)

@@ -7,6 +7,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
+from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.particles import Particles
 from albot_core.mappers.albot0.regions import Regions
@@ -19,10 +20,13 @@ from tests.core.mappers.albot0.step_scenes import steps_along
 WALLS, _ = row_of_rooms()
 
 
-def along(way: Steps, at: tuple[float, float] = (0.0, 0.0)) -> WayBack:
+NO_WALLS = np.empty((0, 4))
+
+
+def along(way: Steps, at: tuple[float, float] = (0.0, 0.0), walls: Segments = NO_WALLS) -> WayBack:
     """The way home along a way out, of a robot that knows where it is."""
     particles = Particles(np.array((*at, 0.0)), 10, np.random.default_rng(0))
-    return WayBack(way, particles, np.zeros(3), WayBackConfig())
+    return WayBack(way, walls, particles, np.zeros(3), WayBackConfig())
 
 
 def test_a_loop_of_the_way_out_is_cut_off():
@@ -35,6 +39,31 @@ def test_a_loop_of_the_way_out_is_cut_off():
     point, left = back.ahead(np.array((1.0, 0.0, 0.0)))
     assert np.isnan(point).all()
     assert left == pytest.approx(1.0, abs=0.5)
+
+
+def test_no_loop_is_cut_off_through_a_wall():
+    """The way out leads 10 m east, and back 1 m beside it; on the way home a wall is heard."""
+    way = steps_along((0, 0), (10, 0), (10, 1), (0, 1))
+    wall = np.array([[-1.0, 0.5, 9.0, 0.5]])
+    here = np.array((0.0, 1.0, 0.0))
+    assert along(way).ahead(here)[1] < 2.0
+    point, left = along(way, walls=wall).ahead(here)
+    assert left > 18.0
+    assert point[0] > 1.0
+
+
+def test_the_way_begins_on_the_robots_side_of_a_wall():
+    """The way out comes by 1 m away behind a wall, and 2 m away in sight."""
+    way = steps_along((0, 0), (10, 0), (10, 3), (0, 3))
+    wall = np.array([[-2.0, 0.5, 9.0, 0.5]])
+    here = np.array((5.0, 1.0, 0.0))
+    assert along(way).ahead(here)[1] == pytest.approx(6.0, abs=1.0)
+    point, left = along(way, walls=wall).ahead(here)
+    assert 16.0 < left < 2.0 + 5.0 + 3.0 + 10.0  # Corners are cut.
+    np.testing.assert_allclose(point[1], 3.0, atol=0.1)
+    # A robot that is shut in errs: it goes to the nearest.
+    shut = np.array([[-2.0, 0.5, 12.0, 0.5], [-2.0, 1.5, 12.0, 1.5]])
+    assert along(way, walls=shut).ahead(here)[1] == pytest.approx(6.0, abs=1.0)
 
 
 def test_where_the_way_leads_does_not_turn_back():
