@@ -43,7 +43,8 @@ class SonarDriverConfig:
     aside: float = math.radians(20.0)
     """A robot path ends where the target is farther to the side (rad)."""
     memory: float = 2.0
-    """How long echoes are kept (s), that what lies beside and behind is known."""
+    """How long echoes are kept (s), that what lies beside and behind is known. Old ones close
+    doors: jambs heard from afar are misplaced by up to half a cone."""
     reach: float = 2.5
     """Echoes from farther away are left out (m): a cone is too wide there to tell the way."""
     near: float = 0.3
@@ -84,6 +85,7 @@ class SonarDriver:
         steering: SteeringConfig | None = None,
     ) -> None:
         self._config = config
+        # The body and the least clearance: echoes are misplaced, and doors are 0.9 m wide.
         self._steering = steering or SteeringConfig(radius=0.265)
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -94,6 +94,7 @@ def test_where_no_process_can_be_begun_all_is_compiled_later(
 
     monkeypatch.setattr(subprocess, "Popen", refused)
     module.precompile(EQUIPMENT)
+    assert not begun
 
 
 def test_an_interruption_takes_the_process_with_it(

@@ -31,8 +31,8 @@ _BESIDE = 1.5
 """Between two points of the way out no farther apart (m) the robot can go straight, if there is no
 surface between."""
 _AROUND = 3.0
-"""The robot goes to no point of the way out that is nearer than this (m) if a surface lies between,
-unless there is no other."""
+"""Of the points of the way out nearer to the robot than this (m), those behind a surface do not
+count, unless all lie behind one."""
 _LEAST = 1e-9
 """No two points of the way out are taken to be nearer to each other than this (m)."""
 _LOOP = 0.99
@@ -112,9 +112,8 @@ class WayBack:
     def ahead(self, pose: Pose) -> tuple[Points, float]:
         """A point a little ahead on the way home, and how far it is home along the way (m).
 
-        The way begins where the robot sees the way out nearest to it.
-
-        The point is NaN where home is nearer.
+        The way home begins at the nearest point of the way out with no surface before it. The point
+        ahead is NaN where home is nearer.
 
         Args:
             pose: Where the odometer has the robot.
@@ -125,7 +124,7 @@ class WayBack:
         around = np.flatnonzero(away <= _AROUND)
         barred = self._barred(np.broadcast_to(robot, (len(around), 2)), points[around])
         if not barred.all():
-            # Nearer ones may lie behind a wall. Where all do, it is the trail that errs.
+            # A trail that bends comes by behind walls. Where all points do, a surface is wrong.
             away[around[barred]] = np.inf
         is_near = away <= away.min() + self._config.near
         total = np.where(is_near, away + left, np.inf)
