@@ -68,7 +68,6 @@ class Particles:
             factor: Factor of the weight of those that did.
         """
         _weigh_moves(before, self.poses, self.weights, surfaces, factor)
-        _normalise(self.weights)
 
     def weigh(self, points: Points, field: EchoField, spread: float, alike: float) -> None:
         """Weigh the particles by how near to known echoes points seen from them are.
@@ -79,13 +78,8 @@ class Particles:
             spread: Standard deviation of a point's distance from the nearest one (m).
             alike: So many points tell as much as one.
         """
-        if not len(points):
-            return
-        misfits = sum_squares(self.poses, points, field.corner, field.squares, field.outside)
-        total = 0.5 * misfits / (alike * spread**2) - np.log(self.weights)
-        # The best one is taken off in the exponent, and none is ruled out.
-        self.weights = np.exp(total.min() - total)
-        _normalise(self.weights)
+        grid, scale = (field.corner, field.squares, field.outside), 0.5 / (alike * spread**2)
+        _weigh(self.poses, self.weights, points, *grid, scale)
 
     def resample(self) -> Int64[np.ndarray, "particles"]:
         """Draw the particles anew where few of them have most of the weight (low variance).
@@ -95,8 +89,7 @@ class Particles:
         count = len(self.weights)
         if np.square(self.weights).sum() * count < 2.0:
             return np.arange(count)
-        drawn = (self._rng.random() + np.arange(count)) / count
-        chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), drawn), count - 1)
+        chosen = _draw(self.weights, self._rng.random())
         self.poses = self.poses[chosen]
         self.weights = np.full(count, 1.0 / count)
         return chosen
@@ -139,7 +132,7 @@ def _move(
 def _weigh_moves(
     before: np.ndarray, poses: np.ndarray, weights: np.ndarray, surfaces: np.ndarray, factor: float
 ) -> None:
-    """What `Particles.weigh_moves` does, but for making the sum 1 again."""
+    """What `Particles.weigh_moves` does."""
     least, most = np.full(2, math.inf), np.full(2, -math.inf)
     for k in range(poses.shape[0]):
         for axis in range(2):
@@ -164,6 +157,47 @@ def _weigh_moves(
     for k in range(poses.shape[0]):
         if went_through[k]:
             weights[k] *= factor
+    _normalise(weights)
+
+
+@kernel(arrays=True)
+def _weigh(
+    poses: np.ndarray,
+    weights: np.ndarray,
+    points: np.ndarray,
+    corner: np.ndarray,
+    squares: np.ndarray,
+    outside: float,
+    scale: float,
+) -> None:
+    """What `Particles.weigh` does; a squared distance (m²) counts by `scale`."""
+    totals = sum_squares(poses, points, corner, squares, outside)
+    for k in range(poses.shape[0]):
+        totals[k] = scale * totals[k] - math.log(weights[k])
+    # The best one is taken off in the exponent, and none is ruled out.
+    least = totals.min()
+    for k in range(poses.shape[0]):
+        weights[k] = math.exp(least - totals[k])
+    _normalise(weights)
+
+
+@kernel(arrays=True)
+def _draw(weights: np.ndarray, start: float) -> np.ndarray:
+    """Draw as many particles anew as there are, at equal distances (low variance).
+
+    Args:
+        weights: Their weights, which sum to 1.
+        start: Where the first is drawn, as a share of the distance.
+    """
+    count = weights.shape[0]
+    chosen = np.empty(count, np.int64)
+    k, total = 0, weights[0]
+    for drawn in range(count):
+        while k < count - 1 and total < (start + drawn) / count:
+            k += 1
+            total += weights[k]
+        chosen[drawn] = k
+    return chosen
 
 
 @kernel(arrays=True)

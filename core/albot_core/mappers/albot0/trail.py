@@ -13,6 +13,7 @@ that the ways of those that are left tell where the robot was, too. Unlike there
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -130,13 +131,9 @@ class Trail:
     def _lay_out(self) -> None:
         """Lay the latest steps where the particles that are left have them in the mean."""
         rows = self._rows(len(self.steps.lines))
-        ends = _mean_past(self._past, self._drawn, rows, self.particles.weights)
-        lines = self.steps.lines.copy()
-        latest = lines[-len(ends) :]
-        lengths = np.hypot(*(latest[:, 2:] - latest[:, :2]).T)[:, None]
-        along = np.stack((np.cos(ends[:, 2]), np.sin(ends[:, 2])), axis=-1)
-        latest[:] = np.hstack((ends[:, :2] - lengths * along, ends[:, :2]))
-        self.steps = replace(self.steps, lines=lines)
+        # The steps' lines are in no other hands yet: they were joined a moment ago.
+        latest = self.steps.lines[-len(rows) :]
+        _lay_along(latest, self._past, self._drawn, rows, self.particles.weights)
         self.frame = compose(self._latest, inverse(self.particles.mean))
 
     def _rows(self, steps: int) -> Int64[np.ndarray, "remembered"]:
@@ -202,18 +199,18 @@ def end_poses(lines: Segments) -> Poses:
 
 
 @kernel(arrays=True)
-def _mean_past(
-    past: np.ndarray, drawn: np.ndarray, rows: np.ndarray, weights: np.ndarray
-) -> np.ndarray:
-    """Where the particles that are left were in the mean (steps, 3).
+def _lay_along(
+    lines: np.ndarray, past: np.ndarray, drawn: np.ndarray, rows: np.ndarray, weights: np.ndarray
+) -> None:
+    """Lay steps where the particles that are left have them in the mean.
 
     Args:
-        past: (remembered, particles, 3): where all were at the end of each step.
+        lines: (steps, 4): the steps, from the oldest on; they keep their lengths (m).
+        past: (remembered, particles, 3): where all particles were at the end of each step.
         drawn: (remembered, particles): which were drawn there.
-        rows: The rows of the steps in these, from the oldest on.
+        rows: (steps,): the rows of the steps in these.
         weights: Weights of the particles that are left.
     """
-    means = np.zeros((rows.shape[0], 3))
     shares, earlier = weights.copy(), np.empty_like(weights)
     for step in range(rows.shape[0] - 1, -1, -1):
         # A particle has the weights of all that were drawn from it.
@@ -227,5 +224,7 @@ def _mean_past(
             east += shares[k] * past[row, k, 0]
             north += shares[k] * past[row, k, 1]
             heading += shares[k] * past[row, k, 2]
-        means[step, 0], means[step, 1], means[step, 2] = east, north, heading
-    return means
+        x, y, to_x, to_y = lines[step]
+        length = math.hypot(to_x - x, to_y - y)
+        lines[step, 0], lines[step, 2] = east - length * math.cos(heading), east
+        lines[step, 1], lines[step, 3] = north - length * math.sin(heading), north
