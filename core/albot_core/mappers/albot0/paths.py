@@ -168,41 +168,79 @@ class PathInProgress:
 
 def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfig) -> Steps:
     """The steps of a robot path from its samples, whose first and last lie apart."""
-    chord = samples[-1, :2] - samples[0, :2]
-    length = float(np.hypot(*chord))
-    along = chord / length
+    length = math.hypot(*(samples[-1, :2] - samples[0, :2]).tolist())
     steps = max(1, round(length / config.step))
     cells = steps * max(1, math.ceil(length / steps / _CELL))
     half = int(min(config.gap / 2 / (length / cells), cells))
-
-    aside = np.array((-along[1], along[0]))
-    lefts = (samples[:, 2:4] - samples[:, :2]) @ aside
-    # A robot that drives backwards has its left sonars to the right of its way.
-    columns = (0, 1) if lefts.sum() >= 0 else (1, 0)
-    reach = float(samples[:, 8].max())
-    widths, walled = np.empty((steps, 2)), np.empty((steps, 2), np.bool_)
-    for side, column in enumerate(columns):
-        echoes = samples[:, 2 + 2 * column : 4 + 2 * column] - samples[0, :2]
-        heard = samples[:, 6 + column] > 0
-        away = np.where(heard, np.clip(np.abs(echoes @ aside), _NARROWEST, reach), reach)
-        widths[:, side] = _widths(echoes @ along, away, length, (steps, cells, half))
-        walled[:, side] = widths[:, side] < reach
-
-    ends = samples[0, :2] + np.linspace(0.0, length, steps + 1)[:, None] * along
-    # Of each step the first reading that was taken on it; of short ones it may be the one before.
-    gone = (samples[:, :2] - samples[0, :2]) @ along
-    first = np.minimum(
-        np.searchsorted(np.maximum.accumulate(gone), np.linspace(0.0, length, steps + 1)[:-1]),
-        len(samples) - 1,
-    )
+    widths, walled = _ground_beside(samples, length, (steps, cells, half))
+    lines, readings = _lines_along(samples, steps, length / steps)
     return Steps(
-        lines=np.concatenate((ends[:-1], ends[1:]), axis=1),
+        lines=lines,
         widths=widths,
         walled=walled,
         begins=np.arange(steps) == 0,
-        readings=samples[first, 9].astype(np.int64),
+        readings=readings,
         echoes=_echoes_along(samples, steps, length / steps),
     )
+
+
+@kernel(arrays=True)
+def _ground_beside(
+    samples: np.ndarray, length: float, counts: tuple[int, int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far the ground reaches to the left and right of each step (m); whether to a surface.
+
+    Args:
+        samples: (samples, sample): those of the path, whose first and last lie apart.
+        length: How long it is (m).
+        counts: See `_widths`.
+    """
+    x, y = samples[0, :2]
+    east, north = (samples[-1, :2] - samples[0, :2]) / length
+    lefts = 0.0
+    for sample in samples:
+        lefts += east * (sample[3] - sample[1]) - north * (sample[2] - sample[0])
+    reach = samples[:, 8].max()
+    widths = np.empty((counts[0], 2))
+    ahead, away = np.empty(samples.shape[0]), np.empty(samples.shape[0])
+    for side in range(2):
+        # A robot that drives backwards has its left sonars to the right of its way.
+        column = side if lefts >= 0.0 else 1 - side
+        for k in range(samples.shape[0]):
+            u, v = samples[k, 2 + 2 * column] - x, samples[k, 3 + 2 * column] - y
+            ahead[k], away[k] = u * east + v * north, reach
+            if samples[k, 6 + column] > 0.0:
+                away[k] = min(max(abs(v * east - u * north), _NARROWEST), reach)
+        widths[:, side] = _widths(ahead, away, length, counts)
+    return widths, widths < reach
+
+
+@kernel(arrays=True)
+def _lines_along(samples: np.ndarray, steps: int, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """The line of each step of a path (m), and the first reading that was taken on it.
+
+    Of a short step the reading may be the one before.
+
+    Args:
+        samples: (samples, sample): those of the path, whose first and last lie apart.
+        steps: How many steps it is cut into.
+        length: How long each is (m).
+    """
+    x, y = samples[0, :2]
+    east, north = (samples[-1, :2] - samples[0, :2]) / (steps * length)
+    lines, readings = np.empty((steps, 4)), np.empty(steps, np.int64)
+    first, last = 0, samples.shape[0] - 1
+    for step in range(steps):
+        begin, end = step * length, (step + 1) * length
+        lines[step, 0], lines[step, 1] = x + begin * east, y + begin * north
+        lines[step, 2], lines[step, 3] = x + end * east, y + end * north
+        while (
+            first < last
+            and (samples[first, 0] - x) * east + (samples[first, 1] - y) * north < begin
+        ):
+            first += 1
+        readings[step] = int(samples[first, 9])
+    return lines, readings
 
 
 @kernel(arrays=True)
