@@ -16,6 +16,7 @@ from jaxtyping import Float64, Int64
 from shapely.errors import GEOSException
 
 from albot_core.geometry.poses import inverse, transform_points
+from albot_core.kernels.compiled import kernel
 
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell. By no more than
@@ -58,18 +59,17 @@ class Ground:
         # Steps that follow each other touch: what reaches no farther in is not cut.
         inner = swaths + _INSET * (swaths.mean(axis=1, keepdims=True) - swaths)
         shapes, inner_shapes = shapely.make_valid(shapely.polygons(swaths)), shapely.polygons(inner)
-        least, most = inner.min(axis=1), inner.max(axis=1)
+        boxes = np.hstack((inner.min(axis=1), inner.max(axis=1)))
         shapely.prepare(shapes)
-        for k, shape in enumerate(shapes):
-            boxes = self._boxes[: len(self._faces)]
-            is_near = (boxes[:, :2] < most[k]) & (boxes[:, 2:] > least[k])
-            near = np.flatnonzero(is_near[:, 0] & is_near[:, 1])
-            faces = np.array([self._faces[face] for face in near.tolist()], object)
-            reaches_in = shapely.intersects(inner_shapes[k], faces)
+        for shape, inner_shape, box in zip(shapes, inner_shapes, boxes, strict=True):
             rest, number = _polygonal(shape), self.count
             self.count += 1
-            if reaches_in.any():
-                rest = self._cut(near[reaches_in], faces[reaches_in], rest, number)
+            near = np.flatnonzero(_meets(self._boxes[: len(self._faces)], box))
+            if len(near):
+                faces = np.array([self._faces[face] for face in near.tolist()], object)
+                reaches_in = shapely.intersects(inner_shape, faces)
+                if reaches_in.any():
+                    rest = self._cut(near[reaches_in], faces[reaches_in], rest, number)
             self._rests.append(rest)
             if rest.area > _SLIVER:
                 self._add_face(rest, [number])
@@ -115,6 +115,16 @@ class Ground:
         self._areas[index] = face.area
 
 
+@kernel(arrays=True)
+def _meets(boxes: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Which of some boxes, each given by its least and greatest x and y, overlap another (m)."""
+    meets = np.empty(boxes.shape[0], np.bool_)
+    for k in range(boxes.shape[0]):
+        east = boxes[k, 0] < box[2] and boxes[k, 2] > box[0]
+        meets[k] = east and boxes[k, 1] < box[3] and boxes[k, 3] > box[1]
+    return meets
+
+
 def _overlay(
     faces: Any,
     areas: Float64[np.ndarray, "faces"],
@@ -142,7 +152,8 @@ def _overlay(
         is_cut = (shared > _SLIVER) & (areas - shared > _SLIVER)
         outside = np.full(len(faces), None)
         outside[is_cut] = shapely.difference(faces[is_cut], swath, grid_size=grid)
-        rest = shapely.difference(swath, shapely.union_all(known, grid_size=grid), grid_size=grid)
+        union = known[0] if len(known) == 1 else shapely.union_all(known, grid_size=grid)
+        rest = shapely.difference(swath, union, grid_size=grid)
     except GEOSException:
         if grid is not None:
             raise
