@@ -19,6 +19,7 @@ import numpy as np
 
 from albot_cli.main import exit_status
 from albot_cli.map_report import run_mapper
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, trajectory_error
 from albot_core.files import make_folder, write_text
@@ -122,11 +123,11 @@ def page(measured: dict[str, Any], command: str) -> str:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PathType())
 @click.option("--log", "names", multiple=True, type=click.Choice(sorted(LOGS)), help="Only this.")
 @click.option("--mapper", default="albot1", show_default=True)
 @click.option("--runs", default=20, show_default=True)
-@click.option("--out", type=click.Path(path_type=Path), help="Where both files go.")
+@click.option("--out", type=PathType(), help="Where both files go.")
 def main(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: Path | None) -> None:
     """Map the logs in FOLDER under every disturbance, many times."""
     if runs < 1:

@@ -14,6 +14,7 @@ import click
 import numpy as np
 
 from albot_cli.main import exit_status
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, trajectory_error
 from albot_core.logs.reader import read_log, read_reference
@@ -26,8 +27,8 @@ SURE = np.diag((2500.0, 2500.0, 10000.0))
 
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path))
-@click.option("--reference", type=click.Path(path_type=Path), required=True)
+@click.argument("log", type=PathType())
+@click.option("--reference", type=PathType(), required=True)
 @click.option("--share", default=0.1, show_default=True, help="Of the closures that were found.")
 @click.option("--runs", default=20, show_default=True)
 def main(log: Path, reference: Path, share: float, runs: int) -> None:

@@ -20,6 +20,7 @@ import click
 import fuzzing
 import interruptions
 from albot_cli.main import exit_status
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
 
@@ -73,7 +74,7 @@ python scripts/reliability.py
     "--out",
     default=Path("docs/reliability.md"),
     show_default=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PathType(dir_okay=False),
     help="The page; the figures go into a JSON file beside it.",
 )
 def main(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -> None:

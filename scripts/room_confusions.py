@@ -26,6 +26,7 @@ from jaxtyping import Bool, Int64
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import patrol
 from albot_cli.main import exit_status
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
 from albot_core.files import write_text
@@ -221,7 +222,7 @@ def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, obje
 @click.option("--seeds", default="5000..5099", show_default=True)
 @click.option("--path", default=300.0, show_default=True, help="Length of each drive (m).")
 @click.option("--mapper", default="albot1", show_default=True)
-@click.option("--json", "out", type=click.Path(path_type=Path), help="File for the figures.")
+@click.option("--json", "out", type=PathType(), help="File for the figures.")
 def main(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> None:
     """Count the random worlds in which a room is taken for another."""
     if not path > 0:

@@ -20,6 +20,7 @@ import click
 import numpy as np
 
 from albot_cli.main import exit_status
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.files import atomic_write
 from albot_core.mappers.registry import installed_mappers, make_mapper
@@ -63,7 +64,7 @@ class Memory(NamedTuple):
 
 @click.command()
 @click.option("--laps", default=10, show_default=True, type=click.IntRange(2))
-@click.option("--out", default=_FIGURE, type=click.Path(path_type=Path), help="The picture.")
+@click.option("--out", default=_FIGURE, type=PathType(), help="The picture.")
 def command(laps: int, out: Path) -> None:
     """Measure what scans cost, lap by lap; print the figures and draw them."""
     rounds = drive_laps(laps)

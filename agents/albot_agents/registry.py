@@ -193,7 +193,7 @@ def find_agent(name: str) -> AgentEntry:
     shipped = shipped_agents()
     if name in shipped:
         return _trained(name, shipped[name])
-    if name.endswith(SUFFIX) or exists(Path(name)):
+    if name.endswith(SUFFIX) or (name and exists(Path(name))):  # `Path("")` is this folder.
         return _trained(name, Path(name))
     names = (*AGENTS, *shipped)
     expected = f"one of {', '.join(names)}, or a file"

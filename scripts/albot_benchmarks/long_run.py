@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from albot_benchmarks.environment import WORLD
+from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import Reading
@@ -113,18 +114,25 @@ def _remembered(mapper: Mapper) -> Row:
     }
 
 
-def patrol(simulator: Simulator, rng: np.random.Generator) -> Iterator[Reading]:
+def patrol(
+    simulator: Simulator, rng: np.random.Generator, start: Pose | None = None
+) -> Iterator[Reading]:
     """Yield the readings of a robot that is guided endlessly between randomly drawn rooms.
 
     It stops anywhere in a room. The guide uses the true pose, so that the odometer's errors (preset
     `pioneer`) do not change the path.
+
+    Args:
+        simulator: The robot in its world.
+        rng: Source of the rooms and of the sensors' errors.
+        start: Where it sets out (m, rad; world frame); by default at the world's first start.
 
     Raises:
         InputError: The world has fewer than two rooms in which a robot can stop.
     """
     world = simulator.world
     stops = StoppingRooms(world)
-    yield simulator.reset(rng, world.starts[0])
+    yield simulator.reset(rng, start)
     here = -1
     while True:
         here = int(rng.choice([room for room in stops.rooms if room != here]))

@@ -9,8 +9,9 @@ from typing import Any
 import click
 
 from albot_cli.outputs import FORCE, check_file
+from albot_cli.path_type import PathType
 
-_FILE = click.Path(path_type=Path, dir_okay=False)
+_FILE = PathType(dir_okay=False)
 
 
 @click.group()

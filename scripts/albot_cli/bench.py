@@ -11,6 +11,7 @@ import click
 
 from albot_cli.long_run_page import write_long_run
 from albot_cli.outputs import FORCE, check_file
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
@@ -36,12 +37,12 @@ PARTS = (
 @click.option("--part", "parts", multiple=True, help=f"Measure only this part: {', '.join(PARTS)}.")
 @click.option(
     "--log",
-    type=click.Path(path_type=Path),
+    type=PathType(),
     help="A real robot's log for the mappers; by default they map a simulated tour.",
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PathType(),
     help="Page for the journey, in Markdown; its picture is written beside it.",
 )
 @click.option(

@@ -14,13 +14,14 @@ from click.core import ParameterSource
 
 from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import FORCE, check_folder
+from albot_cli.path_type import PathType
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 
-_FILE = click.Path(path_type=Path)
+_FILE = PathType()
 _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
 """File endings of worlds. A JSON file is a log."""
 

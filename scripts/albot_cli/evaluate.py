@@ -15,6 +15,7 @@ import click
 from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_folder, filled_folder
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
@@ -58,7 +59,7 @@ _FIGURES, _PICTURE = "evaluation.json", "failures.png"
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=PathType(file_okay=False),
     help="Folder for evaluation.json and, of tasks that can succeed, a picture of the failures.",
 )
 @FORCE

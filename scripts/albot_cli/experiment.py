@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from albot_cli.outputs import FORCE, check_file, check_folder
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.files import make_folder, write_text
 from albot_experiments.registry import (
@@ -58,7 +59,7 @@ def list_experiments(as_json: bool) -> None:
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PathType(),
     help="Folder for the report: Markdown, pictures, JSON. For all: one folder each, and a "
     "summary page, OUT.md.",
 )
@@ -88,7 +89,7 @@ def run_experiment(
 
 
 @command.command("page")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PathType())
 @FORCE
 def write_page(folder: Path, force: bool) -> None:
     """Write the summary page of the existing reports in FOLDER, one per experiment."""
@@ -98,7 +99,7 @@ def write_page(folder: Path, force: bool) -> None:
 
 
 @command.command("ablation")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PathType())
 @FORCE
 def write_ablation(folder: Path, force: bool) -> None:
     """Write the table that tells Albot1's mappers apart, of the reports in FOLDER."""

@@ -22,6 +22,7 @@ from albot_cli.map_report import (
 )
 from albot_cli.mappers import mapper_config_option, read_mapper_config
 from albot_cli.outputs import FORCE, check_folder, filled_folder
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, alignment, read_relations
@@ -45,7 +46,7 @@ from albot_core.mappers.registry import (
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_env.recording.log import read_log_or_episode
 
-_FILE = click.Path(path_type=Path)
+_FILE = PathType()
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 NETWORK, EVENTS, CORRECTED = "network.graphml", "events.txt", "corrected.tum"
 POSE_GRAPH = "network.g2o"

@@ -26,6 +26,7 @@ from albot_core.evaluation.trajectory import (
 )
 from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
+from albot_core.mappers.estimate_check import check_estimate
 from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.outlines import surfaces_of
@@ -104,8 +105,12 @@ def run_mapper(
         log: The log.
         update: Called from time to time with the number of scans done.
         rng: The mapper's random generator (see `make_mapper`).
+
+    Raises:
+        InputError: An estimate is not as `Estimate` says.
     """
     mapper = make_mapper(name, config=config, rng=rng)
+    spec = mapper.spec
     poses, packets = np.empty((len(log.readings), 3)), np.empty((len(log.readings), 2))
     seconds = slowest = 0.0
     for number, reading in enumerate(log.readings):
@@ -113,7 +118,9 @@ def run_mapper(
         mapper.update(reading)
         taken = time.perf_counter() - begin
         seconds, slowest = seconds + taken, max(slowest, taken)
-        poses[number] = mapper.estimate.pose
+        estimate = mapper.estimate
+        check_estimate(estimate, spec, number)
+        poses[number] = estimate.pose
         if isinstance(mapper, AttractorNetwork):
             packets[number] = mapper.activity.packet[:2]
         if number % _TELL_EVERY == 0:

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import MapperSpec
 from albot_core.mappers.registry import MAPPERS, mapper_config, mapper_spec
@@ -16,7 +17,7 @@ from albot_core.yaml_document import read_yaml
 
 mapper_config_option = click.option(
     "--mapper-config",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PathType(dir_okay=False),
     help="YAML file with mapper parameters that override the defaults.",
 )
 

@@ -16,6 +16,7 @@ from click.core import ParameterSource
 
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
 
@@ -97,13 +98,13 @@ RUN_ONLY = (
 )
 @click.option(
     "--record",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PathType(dir_okay=False),
     help="Where the episode is written.  [default: episode.mcap, or the first of episode-1.mcap, "
     "episode-2.mcap, … that is free]",
 )
 @click.option(
     "--png",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PathType(dir_okay=False),
     help="Where the picture of truth and map is written.  [default: episode.png, or the first free "
     "one as above; none for EPISODE]",
 )
@@ -269,7 +270,7 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
     from albot_cli.keyboard import KEYBOARD, Keyboard
 
     task = None if task is None else find_task(task)
-    agent = agent or AGENTS[task or next(iter(AGENTS))]
+    agent = AGENTS[task or next(iter(AGENTS))] if agent is None else agent
     entry = KEYBOARD if agent == Keyboard.name else find_agent(agent)
     task = task or entry.tasks[0]
     if task not in entry.tasks:

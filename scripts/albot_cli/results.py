@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from albot_cli.outputs import check_file
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PathType(dir_okay=False),
     default=Path("docs/results.md"),
     show_default=True,
     help="The page, a .md file; the figures go into a JSON file beside it.",
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--plans",
-    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    type=PathType(file_okay=False, exists=True),
     help="Folder of real floor plans in XML; without it, there are no rows for them.",
 )
 @click.option(

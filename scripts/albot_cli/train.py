@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from albot_cli.outputs import check_folder
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
@@ -28,14 +29,14 @@ _EVERY = 10.0
 """Time between two progress lines (s)."""
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
 _RUNS = Path("runs")
-_FOLDER = click.Path(path_type=Path, file_okay=False)
+_FOLDER = PathType(file_okay=False)
 
 
 @click.command()
 @click.argument("task", required=False)
 @click.option(
     "--config",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=PathType(dir_okay=False),
     help="The plan, a YAML file.  [default: the one that comes with the task]",
 )
 @click.option("--out", type=_FOLDER, help="Folder of the run.  [default: runs/TASK-ALGORITHM-N]")

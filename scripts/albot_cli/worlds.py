@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from albot_cli.outputs import FORCE, check_file, check_folder, check_png, filled_folder
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -50,7 +51,7 @@ def list_worlds(as_json: bool) -> None:
 
 @command.command()
 @_WORLD
-@click.option("--png", type=click.Path(path_type=Path), help="Draw its floor plan to a file.")
+@click.option("--png", type=PathType(), help="Draw its floor plan to a file.")
 @FORCE
 @_STRICT
 @_JSON
@@ -84,7 +85,7 @@ def check(spec: str, strict: bool, as_json: bool) -> None:
 
 @command.command()
 @_WORLD
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="A .yaml file.")
+@click.option("-o", "--out", type=PathType(), required=True, help="A .yaml file.")
 @FORCE
 @_STRICT
 @_JSON
@@ -152,8 +153,8 @@ def _default(value: object) -> str:
     metavar="KEY=VALUE",
     help="Value of a parameter; repeatable.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="The folder to write YAML files to.")
-@click.option("--png", type=click.Path(path_type=Path), help="Draw all of them on one sheet.")
+@click.option("--out", type=PathType(), help="The folder to write YAML files to.")
+@click.option("--png", type=PathType(), help="Draw all of them on one sheet.")
 @FORCE
 @_JSON
 def make(

@@ -125,6 +125,11 @@ def test_an_unknown_agent_is_refused_with_a_hint() -> None:
         make_agent("gap_explorer")
 
 
+def test_an_empty_name_is_not_the_current_folder() -> None:
+    with pytest.raises(InputError, match=r"agent: expected one of .* found nothing"):
+        find_agent("")
+
+
 @pytest.mark.parametrize(("name", "environment"), WHO_ACTS_WHERE)
 def test_actions_are_actions_whichever_form_observations_have(name: str, environment: str) -> None:
     flat = _actions(*_begun(name, environment, "flat"), 1, 40)

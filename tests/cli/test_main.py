@@ -5,13 +5,17 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pytest
 
 from albot_agents.registry import EXPLORE, agent_names
 from albot_cli import mappers
+from albot_cli.group import albot
 from albot_cli.main import main
+from albot_cli.path_type import PathType
 from albot_core.files import atomic_write
 
 ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
@@ -92,6 +96,36 @@ def test_the_module_is_the_command() -> None:
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert "albot1" in done.stdout
+
+
+def _commands(group: click.Group, context: click.Context) -> Iterator[click.Command]:
+    """All commands below a group."""
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        if isinstance(command, click.Group):
+            yield from _commands(command, context)
+        else:
+            yield command
+
+
+def test_an_empty_path_is_refused_by_every_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = [
+        parameter
+        for command in _commands(albot, click.Context(albot))
+        for parameter in command.params
+        if isinstance(parameter.type, click.Path)
+    ]
+    assert len(paths) > 20
+    assert all(isinstance(path.type, PathType) for path in paths)
+    monkeypatch.setattr(sys, "argv", ["albot", "map", "intel.log", "--out", ""])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    told = "albot: Invalid value for '--out': expected a path, found ''.\n"
+    assert capsys.readouterr() == ("", told)
 
 
 @pytest.mark.parametrize("words", [("play",), ("stress",)])

@@ -19,6 +19,8 @@ from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
 from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import load_map
+from albot_core.mappers.mapper import Estimate
+from albot_core.mappers.odometry.mapper import OdometryMapper
 from albot_core.mappers.registry import installed_mappers, mapper_names, mapper_spec
 from tests.cli.conftest import FILES, PLACES, figures
 
@@ -198,6 +200,20 @@ def test_bad_input_is_named(corridor, truth_file, call, tmp_path):
     expect_error(call("map", path, "--relations", path), "line 1", "eight finite numbers")
     expect_error(call("map", path, "--out", truth_file), "a folder to write to")
     expect_error(call("map", path, "--out", truth_file / "out"), "a folder to write to")
+
+
+def test_a_mapper_that_believes_to_be_nowhere_is_named(corridor, call, tmp_path, monkeypatch):
+    estimate = OdometryMapper.estimate.fget
+
+    def nowhere(mapper: OdometryMapper) -> Estimate:
+        told = estimate(mapper)
+        told.pose[0] = np.nan if told.pose[0] > 2 else told.pose[0]
+        return told
+
+    monkeypatch.setattr(OdometryMapper, "estimate", property(nowhere))
+    result = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "out")
+    expect_error(result, "mapper odometry, reading 6, estimate.pose: expected an array of 3 finite")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_is_filled_and_nothing_around_it_touched(corridor, call, tmp_path, monkeypatch):

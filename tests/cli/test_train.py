@@ -60,6 +60,13 @@ def test_train_resume_evaluate_and_tell(
     assert (status, err) == (0, "")
     assert "48 samples" in out
 
+    status, out, err = run("train", "--resume", folder, "--steps", 47)
+    assert (status, out) == (2, "")
+    assert err.endswith(
+        "expected at least the 48 samples that are done, as the samples in all, found 47\n"
+    )
+    assert err.count("\n") == 1
+
     status, out, _ = run("agents", "card", found["files"]["last"], "--json")
     card, picture = map(Path, json.loads(out)["files"])
     assert f"albot train {TASK} --config {config}" in card.read_text()

@@ -6,7 +6,7 @@ and plain data: weights, Adam's moments, and the states of the random generators
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,30 @@ class Checkpoint:
 def checkpoints(folder: Path) -> list[Path]:
     """Return the checkpoints in a folder, the newest last."""
     return sorted(folder.glob(f"*{SUFFIX}"))
+
+
+def newest_checkpoint(
+    folder: Path, warn: Callable[[str], None] = lambda text: None
+) -> tuple[Path, Checkpoint] | None:
+    """Return the newest intact checkpoint in a folder and its path; None if there is none.
+
+    Args:
+        folder: The folder.
+        warn: Called with a sentence about each damaged checkpoint that is newer.
+
+    Raises:
+        InputError: All checkpoints are damaged.
+    """
+    damage: InputError | None = None
+    for path in reversed(checkpoints(folder)):
+        try:
+            return path, read_checkpoint(path)
+        except InputError as error:
+            warn(f"{error}; continuing from the one before")
+            damage = error
+    if damage is not None:
+        raise damage
+    return None
 
 
 def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Checkpoint:

@@ -17,7 +17,7 @@ from albot_agents.training.checkpoint import (
     AgentExporter,
     Checkpoint,
     checkpoints,
-    read_checkpoint,
+    newest_checkpoint,
     restore,
     take_checkpoint,
 )
@@ -59,7 +59,7 @@ class TrainingRun:
     ) -> None:
         self._folder, self._plan, self._command = folder, plan, folder.command
         self._report: Progress = lambda done, note: None
-        found = _newest(folder, warn)
+        found = newest_checkpoint(folder.checkpoints, warn)
         self._resumed = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
         self._exporter = AgentExporter(plan)
         self._curriculum = Curriculum(
@@ -276,20 +276,6 @@ class _TensorBoardLog(TensorBoardOutputFormat):
     def __init__(self, folder: str, samples: int) -> None:
         self.writer = SummaryWriter(log_dir=folder, purge_step=samples or None)
         self._is_closed = False
-
-
-def _newest(folder: RunFolder, warn: Callable[[str], None]) -> tuple[Any, Checkpoint] | None:
-    """Return the newest intact checkpoint and its path; None if there is no checkpoint."""
-    broken: InputError | None = None
-    for path in reversed(checkpoints(folder.checkpoints)):
-        try:
-            return path, read_checkpoint(path)
-        except InputError as error:
-            warn(f"{error}; continuing from the one before")
-            broken = error
-    if broken is not None:
-        raise broken
-    return None
 
 
 def _read_run(path: Any, checkpoint: Checkpoint) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from albot_agents.training.checkpoint import newest_checkpoint
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError, MissingFileError
@@ -100,22 +101,37 @@ class RunFolder:
             make_folder(self.checkpoints)
             save_plan(plan, self.plan)
 
-    def resume(self, task: str | None, **changes: Any) -> TrainingPlan:
+    def resume(self, task: str | None, *, n_timesteps: int | None = None) -> TrainingPlan:
         """Delete temporary files that a killed process left; return the plan of the existing run.
 
+        Args:
+            task: The task; None for the run's.
+            n_timesteps: Samples in all, which replace the plan's; None to keep these.
+
         Raises:
-            InputError: The folder holds no run, or one for another task.
+            InputError: The folder holds no run, or one for another task, or one with more samples
+                than `n_timesteps`, or its checkpoints are damaged.
         """
         if not self.plan.is_file():
             raise InputError(
                 self.path, f"the folder of a training run, with {self.plan.name}", "none"
             )
-        plan = read_plan(self.plan, task, **changes)
+        plan = read_plan(self.plan, task, n_timesteps=n_timesteps)
+        if n_timesteps is not None:
+            self._check_unreached(n_timesteps)
         for folder in (self.path, self.checkpoints):
             for left in folder.glob(".*.*.*"):
                 left.unlink(missing_ok=True)
         save_plan(plan, self.plan)
         return plan
+
+    def _check_unreached(self, n_timesteps: int) -> None:
+        """Raise InputError if the run has more samples than `n_timesteps` already."""
+        found = newest_checkpoint(self.checkpoints)
+        done = 0 if found is None else found[1].samples
+        if n_timesteps < done:
+            expected = f"at least the {done:,} samples that are done, as the samples in all"
+            raise InputError(self.path, expected, f"{n_timesteps:,}", place="--steps")
 
     @property
     def command(self) -> str:

@@ -15,6 +15,7 @@ from jaxtyping import Float32, Float64
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.mappers.estimate_check import check_estimate
 from albot_core.mappers.mapper import AttractorNetwork, Mapper, PlaceMemory
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
@@ -79,7 +80,11 @@ class PlaceDatabase:
     @property
     def belief(self) -> Pose:
         """Believed pose of the robot (map frame)."""
-        return self._belief.copy() if self._mapper is None else self._mapper.estimate.pose
+        if self._mapper is None:
+            return self._belief.copy()
+        estimate = self._mapper.estimate
+        check_estimate(estimate, self._mapper.spec, self._readings - 1)
+        return estimate.pose
 
     @property
     def snapshot(self) -> MapSnapshot:

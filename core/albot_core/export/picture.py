@@ -253,7 +253,7 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
     links = [(middles[one], middles[other]) for one, other in layer.links]
     doorways = list(layer.doorways().reshape(-1, 2, 2))
     for lines, style in (
-        (links, {"colors": _PLACE, "linewidths": 1.4, "alpha": 0.6}),
+        (links, {"colors": _PLACE, "linewidths": 1.4, "alpha": 0.6, "label": "links"}),
         (doorways, {"colors": _EXIT, "linewidths": 3.0, "label": "exits"}),
     ):
         if lines:

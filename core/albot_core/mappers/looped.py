@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Int64
 
+from albot_core.mappers.estimate_check import check_estimate, check_way_home
 from albot_core.mappers.mapper import (
     TRAVEL,
     AttractorNetwork,
@@ -21,7 +22,7 @@ from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Readings
 
-_TRAVEL, _BEGUN = "batch.travel", "batch.begun"
+_TRAVEL, _READINGS = "batch.travel", "batch.readings"
 """Arrays that a state holds besides the mapper's own."""
 
 
@@ -30,6 +31,9 @@ class LoopedMappers:
 
     Args:
         mappers: The mappers, one per robot; at least one, all of one kind.
+
+    Raises:
+        InputError: An estimate or a way home is not as the protocols say; the methods raise this.
     """
 
     def __init__(self, mappers: Sequence[Mapper]) -> None:
@@ -47,7 +51,7 @@ class LoopedMappers:
         self.segment_counts = np.zeros(count, np.int64)
         self.ways_home = np.full((count, 7), np.nan)
         self.ways_home[:, TRAVEL] = 0.0
-        self._begun = [False] * count
+        self._readings = [0] * count
         for row in range(count):
             self._take_estimate(row)
 
@@ -55,7 +59,7 @@ class LoopedMappers:
         """Reset the mapper of a row."""
         self._mappers[row].reset(rng)
         self.ways_home[row, TRAVEL] = 0.0
-        self._begun[row] = False
+        self._readings[row] = 0
         self._take_estimate(row)
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
@@ -63,10 +67,10 @@ class LoopedMappers:
         for row in rows.tolist():
             reading = readings[row]
             self._mappers[row].update(reading)
-            if self._begun[row] and not self._knows_routes:
+            if self._readings[row] and not self._knows_routes:
                 x, y, _ = reading.motion.tolist()
                 self.ways_home[row, TRAVEL] += math.hypot(x, y)
-            self._begun[row] = True
+            self._readings[row] += 1
             self._take_estimate(row)
 
     def begin_return(self, row: int) -> None:
@@ -85,7 +89,9 @@ class LoopedMappers:
             for row in rows.tolist():
                 mapper = self._mappers[row]
                 assert isinstance(mapper, RouteHome)
-                self.ways_home[row] = mapper.way_home
+                way = mapper.way_home
+                check_way_home(way, self.spec, self._readings[row] - 1)
+                self.ways_home[row] = way
 
     def snapshot(self, row: int) -> MapSnapshot:
         """Return the map of a row."""
@@ -100,7 +106,7 @@ class LoopedMappers:
         """Return everything that a row's mapper remembers, as arrays by name (copies)."""
         return self._mappers[row].state() | {
             _TRAVEL: np.array(self.ways_home[row, TRAVEL]),
-            _BEGUN: np.array(self._begun[row]),
+            _READINGS: np.array(self._readings[row]),
         }
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
@@ -108,11 +114,12 @@ class LoopedMappers:
         own = {name: array for name, array in state.items() if not name.startswith("batch.")}
         self._mappers[row].restore(own)
         self.ways_home[row, TRAVEL] = state[_TRAVEL]
-        self._begun[row] = bool(state[_BEGUN])
+        self._readings[row] = int(state[_READINGS])
         self._take_estimate(row)
 
     def _take_estimate(self, row: int) -> None:
         estimate = self._mappers[row].estimate
+        check_estimate(estimate, self.spec, self._readings[row] - 1)
         self.poses[row] = estimate.pose
         self.homes[row] = estimate.home
         self.updates[row] = estimate.updates

@@ -116,6 +116,23 @@ def test_a_torn_checkpoint_gives_way_to_the_one_before(trained: Trained, tmp_pat
         TrainingRun(folder, folder.resume(None), told.append)
 
 
+def test_fewer_samples_than_are_done_are_refused(trained: Trained, tmp_path: Path) -> None:
+    folder = _again(trained[0], tmp_path)
+    left = folder.checkpoints / ".000000000064.checkpoint.x1"
+    left.write_bytes(b"half")
+    before = {path: path.read_bytes() for path in folder.path.rglob("*") if path.is_file()}
+    expected = r"again, --steps: expected at least the 64 samples that are done.* found 63$"
+    with pytest.raises(InputError, match=expected):
+        folder.resume(None, n_timesteps=63)
+    assert before == {path: path.read_bytes() for path in folder.path.rglob("*") if path.is_file()}
+    assert folder.resume(None, n_timesteps=64).n_timesteps == 64
+    # Where the newest checkpoint is damaged, only the samples of the one before are done.
+    checkpoints(folder.checkpoints)[-1].write_bytes(b"")
+    assert folder.resume(None, n_timesteps=48).n_timesteps == 48
+    with pytest.raises(InputError, match="the 32 samples"):
+        folder.resume(None, n_timesteps=31)
+
+
 def test_ctrl_c_saves_what_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, plan = begun(tmp_path, evaluation=None, checkpoint_every=1000)
     run = TrainingRun(folder, plan)

@@ -7,11 +7,12 @@ import json
 import networkx as nx
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import place_graph_to_networkx, write_graphml
-from albot_core.export.picture import write_picture
+from albot_core.export.picture import draw_layer, write_picture
 from albot_core.mappers.albot1.places.network_view import Exit, Network, Place
 from albot_core.maps.layers import MapSnapshot, PlaceGraph, PlaceNode, SegmentsLayer
 
@@ -94,6 +95,12 @@ def test_places_are_drawn_over_the_map(network, tmp_path):
     assert purple[0].sum() == 0
     # Three nodes of 15 points across, at 100 dots an inch.
     assert purple[1].sum() > 3 * 200
+
+
+def test_the_legend_names_all_that_is_drawn_of_a_network(network):
+    axes = Figure().add_subplot()
+    draw_layer(network, axes)
+    assert set(axes.get_legend_handles_labels()[1]) == {"places", "links", "exits"}
 
 
 def test_the_picture_shows_home_on_top_of_the_place_that_is_there(tmp_path):

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_core.mappers.mapper import Estimate
+from albot_core.mappers.odometry.mapper import OdometryMapper
 from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import Reading
 from albot_env.recording.reader import EpisodeReader
@@ -44,6 +46,16 @@ def _answer(env: PlaceRecognitionEnv, *answers: int) -> list[tuple[Any, ...]]:
 
 def _terms(step: tuple[Any, ...]) -> dict[str, float]:
     return {name: worth for name, worth in step[4]["reward_terms"].items() if worth}
+
+
+def test_a_mapper_that_believes_to_be_nowhere_is_named(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimate = Estimate(pose=np.full(3, np.nan), home=np.zeros(3))
+    monkeypatch.setattr(OdometryMapper, "estimate", property(lambda _: estimate))
+    env = _make(two_rooms, config=THERE_AND_BACK, mapper="odometry")
+    with pytest.raises(InputError, match=r"^mapper odometry, reading \d+, estimate\.pose: .*nan"):
+        env.reset(seed=1)
 
 
 def test_who_knows_all_again_succeeds(two_rooms: World) -> None:

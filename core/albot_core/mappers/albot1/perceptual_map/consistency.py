@@ -3,7 +3,8 @@
 This is ours. However new the ground is, a wall of one view is either hidden in the other or seen
 there. Where the other view sees past it, one of the two was not taken where the robot believes.
 Between views of a driven robot hardly any wall is contradicted, on logs too; between views from
-two places half of them are. Compiled.
+two places half of them are. Recognised landmarks are no evidence: some of another room's walls fit
+by chance. Compiled.
 """
 
 from __future__ import annotations
@@ -12,12 +13,25 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.frames import relative_pose, seen_from
+from albot_core.mappers.albot1.perceptual_map.frames import (
+    compose_pose,
+    copy_pose,
+    relative_pose,
+    seen_from,
+)
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
+from albot_core.mappers.albot1.perceptual_map.odometer_error import HAS_MOVED, shift_scale
 from albot_core.matching.lines import line_length
 
 CONTRADICTED = 0.45
-"""Two views are inconsistent if a larger share of their walls contradicts."""
+"""Two views are inconsistent if a larger share of their walls contradicts…"""
+CONTRADICTING = 3.0
+"""…or if that share is so many times the share of the view that lies on what is expected. The match
+must be unsure, too."""
+ODD_SHIFT = 7.0
+"""A match that leads so many times farther than the odometer is usually off is doubted. The view is
+then inconsistent, too, if more contradicts where the odometer says than lies on what is expected
+where it was matched."""
 SPACING = 0.25
 """Walls are sampled at points so far apart (m)."""
 TOLERANCE = 0.5
@@ -28,7 +42,13 @@ MIN_POINTS = 12
 
 @kernel()
 def inconsistent_views(
-    before: int, recognized: int, previous: LocatedView, current: LocatedView, limits: Albot1Limits
+    before: int,
+    agreement: float,
+    motion: np.ndarray,
+    odometer: np.ndarray,
+    previous: LocatedView,
+    current: LocatedView,
+    limits: Albot1Limits,
 ) -> int:
     """How many of the latest views in a row are inconsistent with what came before them.
 
@@ -37,16 +57,46 @@ def inconsistent_views(
 
     Args:
         before: The count before the current view.
-        recognized: How many landmarks were recognised in it.
+        agreement: The share of the current view's walls that lies on what is expected there.
+        motion: The robot's motion between the two views, as the odometer reports it.
+        odometer: What has been learnt of the odometer.
         previous: The view before it.
-        current: The current view.
+        current: The current view, where it was matched.
         limits: All thresholds.
     """
-    if before == 0:
-        if recognized >= limits.min_landmarks:
-            return 0
-        return 1 if inconsistency(previous, current, limits) > CONTRADICTED else 0
-    return 0 if inconsistency(previous, current, limits) > CONTRADICTED else before + 1
+    if before > 0:
+        return 0 if inconsistency(previous, current, limits) > CONTRADICTED else before + 1
+    if agreement >= limits.unsure:
+        return 0
+    allowed = min(CONTRADICTED, CONTRADICTING * agreement)
+    if inconsistency(previous, current, limits) > allowed:
+        return 1
+    return _is_led_astray(agreement, motion, odometer, previous, current, limits)
+
+
+_matched = scratch(3)
+
+
+@kernel()
+def _is_led_astray(
+    agreement: float,
+    motion: np.ndarray,
+    odometer: np.ndarray,
+    previous: LocatedView,
+    current: LocatedView,
+    limits: Albot1Limits,
+) -> int:
+    """1 if the match is oddly far from where the odometer says, and the views contradict there."""
+    if odometer[HAS_MOVED] == 0.0:
+        return 0
+    matched = _matched()
+    copy_pose(current.pose, matched)
+    compose_pose(previous.pose, motion, current.pose)
+    dx, dy = matched[0] - current.pose[0], matched[1] - current.pose[1]
+    is_odd = np.sqrt(dx * dx + dy * dy) > ODD_SHIFT * shift_scale(odometer, limits)
+    contradicting = inconsistency(previous, current, limits) if is_odd else 0.0
+    copy_pose(matched, current.pose)
+    return 1 if is_odd and contradicting > agreement else 0
 
 
 @kernel()

@@ -331,7 +331,7 @@ def map_step(
         if limits.submap_matching:
             is_sure = agreement >= limits.unsure
             learn_error(odometer, previous.pose, motion, current.pose, is_sure)
-            _check_consistency(previous, current, motion, recognized, odometer, progress, limits)
+            _check_consistency(previous, current, motion, agreement, odometer, progress, limits)
     if progress[INCONSISTENT] == 1:
         return
     if recognized < limits.min_landmarks:  # Alg. 4, lines 13 to 17
@@ -345,14 +345,14 @@ def _check_consistency(
     previous: LocatedView,
     current: LocatedView,
     motion: np.ndarray,
-    recognized: int,
+    agreement: float,
     odometer: np.ndarray,
     progress: np.ndarray,
     limits: Albot1Limits,
 ) -> None:
     """Count the inconsistent views; the first is where the odometer says, for it is not matched."""
     before = progress[INCONSISTENT]
-    count = inconsistent_views(before, recognized, previous, current, limits)
+    count = inconsistent_views(before, agreement, motion, odometer, previous, current, limits)
     progress[INCONSISTENT] = count
     if count == 1 and odometer[HAS_MOVED] > 0.0:
         compose_pose(previous.pose, motion, current.pose)

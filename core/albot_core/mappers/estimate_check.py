@@ -1,0 +1,61 @@
+"""Checks of what a mapper returns, because mappers may come from outside the project."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeGuard
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.mappers.mapper import TRAVEL, Estimate, MapperSpec
+
+_POSE = 3
+"""Numbers of a pose: x, y, heading."""
+_WAY_HOME = 7
+"""Numbers of a `WayHome`."""
+
+
+def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
+    """Check the poses of an estimate.
+
+    Args:
+        estimate: The estimate.
+        spec: The mapper's spec.
+        reading: Number of the reading after which it was made, counted from 0 since the reset; -1
+            before the first.
+
+    Raises:
+        InputError: The pose or home is not an array of three finite numbers.
+    """
+    # Plain Python, because it runs at every reading and numpy is slower for three numbers.
+    for name, pose in (("pose", estimate.pose), ("home", estimate.home)):
+        if not (_is_array(pose, _POSE) and all(map(math.isfinite, pose.tolist()))):
+            expected = "an array of 3 finite numbers, (x, y, heading)"
+            raise _error(spec, reading, f"estimate.{name}", expected, pose)
+
+
+def check_way_home(way: object, spec: MapperSpec, reading: int) -> None:
+    """Check a `RouteHome.way_home`; further arguments as for `check_estimate`.
+
+    Raises:
+        InputError: It is not an array of seven numbers, or the travel is NaN.
+    """
+    if not _is_array(way, _WAY_HOME) or math.isnan(way[TRAVEL]):
+        expected = "an array of 7 numbers, of which the last is not NaN"
+        raise _error(spec, reading, "way_home", expected, way)
+
+
+def _is_array(value: object, size: int) -> TypeGuard[np.ndarray]:
+    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype.kind in "fiu"
+
+
+def _error(spec: MapperSpec, reading: int, name: str, expected: str, value: object) -> InputError:
+    when = f"reading {reading}" if reading >= 0 else "before the first reading"
+    if not isinstance(value, np.ndarray):
+        found = f"a {type(value).__name__}, {value!r}"
+    elif value.size > _WAY_HOME:
+        found = f"an array of shape {value.shape}"
+    else:
+        found = str(value.tolist())
+    return InputError(f"mapper {spec.name}", expected, found, place=f"{when}, {name}")
