@@ -10,7 +10,9 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.steps import PLACES, SONARS, Steps
 
 CELL = 0.1
-"""Size of a cell (m)."""
+"""Size of a cell (m)…"""
+_CELL_SQUARE = 100
+"""…and its square (cm²)."""
 _CLEAR = 0.2
 """The sound's way is looked at every so often (m), and ends so far before the echo. It is three
 cells wide."""
@@ -23,8 +25,9 @@ class EchoField:
 
     Attributes:
         corner: (2,): where the first cell begins (m).
-        squares: (columns, rows): the squared distance in each cell (m²).
-        outside: The squared distance outside (m²).
+        squares: (columns, rows), int32: the squared distance in each cell (cm²). No echo is near
+            the outermost cells, which stand for all that is outside. Sums of whole numbers are the
+            same in whatever order a processor adds them.
 
     Args:
         steps: On which the echoes were heard.
@@ -33,30 +36,48 @@ class EchoField:
     """
 
     def __init__(self, steps: Steps, farthest: float, unknown: float) -> None:
-        self.outside = unknown**2
         self.corner = np.zeros(2)
-        self.squares = np.full((1, 1), self.outside)
+        self.squares = np.full((1, 1), _square(unknown), np.int32)
         if steps.heard.any():
-            limits = float(farthest), float(unknown)
-            self.corner, self.squares = _field(steps.lines, steps.echoes, steps.heard, limits)
+            reach = math.ceil(max(farthest, unknown) / CELL) + 1
+            limits = _square(farthest), _square(unknown)
+            self.corner, self.squares = _field(
+                steps.lines, steps.echoes, steps.heard, reach, limits
+            )
+
+
+def _square(distance: float) -> int:
+    """A distance (m), squared (cm²)."""
+    return round((100.0 * distance) ** 2)
 
 
 @kernel(arrays=True)
 def _field(
-    lines: np.ndarray, echoes: np.ndarray, heard: np.ndarray, limits: tuple[float, float]
+    lines: np.ndarray,
+    echoes: np.ndarray,
+    heard: np.ndarray,
+    reach: int,
+    limits: tuple[int, int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The corner and the squares of the field of some echoes, one at least."""
-    farthest, unknown = limits
+    """The corner and the squares of the field of some echoes, one at least.
+
+    Args:
+        lines: See `Steps`.
+        echoes: Likewise.
+        heard: Likewise.
+        reach: So many cells away an echo makes no difference.
+        limits: The squares where the sound went freely, and elsewhere (cm²).
+    """
+    free, unknown = limits
     rays = _rays(lines, echoes, heard)
-    reach = math.ceil(max(farthest, unknown) / CELL) + 1
     corner, size = np.empty(2), np.empty(2, np.int64)
     for axis in range(2):
         ends = rays[:, axis::2]
         corner[axis] = ends.min() - reach * CELL
         size[axis] = int((ends.max() - corner[axis]) / CELL) + reach + 1
-    squares = np.full((size[0], size[1]), unknown * unknown)
+    squares = np.full((size[0], size[1]), unknown, np.int32)
     for k in range(rays.shape[0]):
-        _pass(rays[k], corner, squares, farthest * farthest)
+        _pass(rays[k], corner, squares, free)
     # First the limits, where the sound went; then around each echo what is below them.
     is_echo = np.zeros(squares.shape, np.bool_)
     for k in range(rays.shape[0]):
@@ -65,7 +86,7 @@ def _field(
             is_echo[column, row] = True
             for i in range(-reach, reach + 1):
                 for j in range(-reach, reach + 1):
-                    square = CELL * CELL * (i * i + j * j)
+                    square = _CELL_SQUARE * (i * i + j * j)
                     if square < squares[column + i, row + j]:
                         squares[column + i, row + j] = square
     return corner, squares
@@ -92,8 +113,8 @@ def _rays(lines: np.ndarray, echoes: np.ndarray, heard: np.ndarray) -> np.ndarra
 
 
 @kernel()
-def _pass(ray: np.ndarray, corner: np.ndarray, squares: np.ndarray, limit: float) -> None:
-    """Set a limit where the sound went (m²)."""
+def _pass(ray: np.ndarray, corner: np.ndarray, squares: np.ndarray, limit: int) -> None:
+    """Set a limit where the sound went (cm²)."""
     east, north = ray[2] - ray[0], ray[3] - ray[1]
     away = math.hypot(east, north)
     gone = _CLEAR

@@ -78,8 +78,8 @@ class Particles:
             spread: Standard deviation of a point's distance from the nearest one (m).
             alike: So many points tell as much as one.
         """
-        grid, scale = (field.corner, field.squares, field.outside), 0.5 / (alike * spread**2)
-        _weigh(self.poses, self.weights, points, *grid, scale)
+        scale = 0.5 / (alike * (100.0 * spread) ** 2)
+        _weigh(self.poses, self.weights, points, field.corner, field.squares, scale)
 
     def resample(self) -> Int64[np.ndarray, "particles"]:
         """Draw the particles anew where few of them have most of the weight (low variance).
@@ -167,17 +167,14 @@ def _weigh(
     points: np.ndarray,
     corner: np.ndarray,
     squares: np.ndarray,
-    outside: float,
     scale: float,
 ) -> None:
-    """What `Particles.weigh` does; a squared distance (m²) counts by `scale`."""
-    totals = sum_squares(poses, points, corner, squares, outside)
+    """What `Particles.weigh` does; a squared distance (cm²) counts by `scale`."""
+    sums = sum_squares(poses, points, corner, squares)
+    least = sums.min()
     for k in range(poses.shape[0]):
-        totals[k] = scale * totals[k] - math.log(weights[k])
-    # The best one is taken off in the exponent, and none is ruled out.
-    least = totals.min()
-    for k in range(poses.shape[0]):
-        weights[k] = math.exp(least - totals[k])
+        # The best one is taken off in the exponent.
+        weights[k] *= math.exp(scale * (least - sums[k]))
     _normalise(weights)
 
 
@@ -213,30 +210,28 @@ def _normalise(weights: np.ndarray) -> None:
 
 @kernel(arrays=True)
 def sum_squares(
-    poses: np.ndarray,
-    points: np.ndarray,
-    corner: np.ndarray,
-    squares: np.ndarray,
-    outside: float,
+    poses: np.ndarray, points: np.ndarray, corner: np.ndarray, squares: np.ndarray
 ) -> np.ndarray:
-    """Squared distances to the nearest echo, summed over points seen from each pose (m²).
+    """Squared distances to the nearest echo, summed over points seen from each pose (cm²).
 
     Args:
         poses: (poses, 3): from which the points are seen.
         points: (points, 2): in the frame of each pose (m).
         corner: Of the field (see `EchoField`).
         squares: Of the field.
-        outside: Of the field.
     """
-    sums = np.zeros(poses.shape[0])
+    sums = np.zeros(poses.shape[0], np.int64)
+    cells, rows = squares.reshape(-1), np.int32(squares.shape[1])
+    last_column, last_row = squares.shape[0] - 1.0, squares.shape[1] - 1.0
+    ahead, left = points[:, 0].copy(), points[:, 1].copy()
     for k in range(poses.shape[0]):
         cos, sin = math.cos(poses[k, 2]) / CELL, math.sin(poses[k, 2]) / CELL
         x, y = (poses[k, 0] - corner[0]) / CELL, (poses[k, 1] - corner[1]) / CELL
-        for i in range(points.shape[0]):
-            column = x + cos * points[i, 0] - sin * points[i, 1]
-            row = y + sin * points[i, 0] + cos * points[i, 1]
-            if 0.0 <= column < squares.shape[0] and 0.0 <= row < squares.shape[1]:
-                sums[k] += squares[int(column), int(row)]
-            else:
-                sums[k] += outside
+        total = np.int32(0)
+        # Without a branch, and with numbers of one size, several points are looked up at once.
+        for i in range(ahead.shape[0]):
+            column = min(max(x + cos * ahead[i] - sin * left[i], 0.0), last_column)
+            row = min(max(y + sin * ahead[i] + cos * left[i], 0.0), last_row)
+            total += cells[np.int32(column) * rows + np.int32(row)]
+        sums[k] = total
     return sums

@@ -32,6 +32,7 @@ from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 _COUNT = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
+_LIMIT = Range("a number within (0, 10]", 0.0, 10.0, beyond=True)
 _AROUND = 8.0
 """Echoes of steps that are farther away than this (m) are not heard from where the robot is."""
 _SUM = 1e-6
@@ -71,8 +72,8 @@ class TrailConfig:
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "particles", "remembered")
         check_fields(self, NOT_NEGATIVE, "drift", "turned", "slip", "recent")
-        positive = "spread", "farthest", "unknown", "alike", "through_surface"
-        check_fields(self, POSITIVE, *positive)
+        check_fields(self, POSITIVE, "spread", "alike", "through_surface")
+        check_fields(self, _LIMIT, "farthest", "unknown")
 
 
 class Trail:

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import relative
+from albot_core.geometry.poses import relative, transform_points
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.particles import Particles, sum_squares
@@ -176,7 +178,7 @@ def one_step(*echoes: tuple[float, float]) -> Steps:
 
 
 def misfits(poses: np.ndarray, points: np.ndarray, field: EchoField) -> np.ndarray:
-    return sum_squares(poses, points, field.corner, field.squares, field.outside)
+    return 1e-4 * sum_squares(poses, points, field.corner, field.squares)
 
 
 def test_an_echo_field_tells_how_far_echoes_are_and_where_the_sound_went():
@@ -196,6 +198,22 @@ def test_an_echo_field_sums_what_is_seen_from_each_pose():
     np.testing.assert_allclose(misfits(poses, points, field), expected, atol=0.02)
 
 
+@given(st.integers(0, 10**6))
+def test_squares_are_those_of_the_nearest_echo(seed):
+    """Against a slow obvious version, also outside the field and where it ends."""
+    rng = np.random.default_rng(seed)
+    steps = replace(steps_along((0, 0), (3, 0)), echoes=rng.uniform(-3, 3, (3, ECHOES, 2)))
+    field = EchoField(steps, 0.4, 0.4)
+    echoes = (steps.echoes + steps.lines[:, None, :2])[steps.heard]
+    poses, points = rng.uniform(-6, 6, (5, 3)), rng.uniform(-6, 6, (20, 2))
+    found = misfits(poses, points, field)
+    for pose, square in zip(poses, found, strict=True):
+        seen = transform_points(pose, points)
+        cells, known = (np.floor((each - field.corner) / 0.1) for each in (seen, echoes))
+        away = 0.1 * np.hypot(*np.moveaxis(cells[:, None] - known, -1, 0)).min(axis=1)
+        assert square == pytest.approx(np.square(np.minimum(away, 0.4)).sum(), abs=1e-9)
+
+
 def test_an_echo_field_without_echoes_knows_nothing():
     field = EchoField(steps_along((0, 0), (5, 0)), 0.4, 0.25)
     found = misfits(np.zeros((3, 3)), np.zeros((2, 2)), field)
@@ -204,7 +222,15 @@ def test_an_echo_field_without_echoes_knows_nothing():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("particles", 0), ("slip", -0.1), ("spread", 0.0), ("alike", np.nan), ("remembered", 0)],
+    [
+        ("particles", 0),
+        ("slip", -0.1),
+        ("spread", 0.0),
+        ("farthest", 10.1),
+        ("unknown", 0.0),
+        ("alike", np.nan),
+        ("remembered", 0),
+    ],
 )
 def test_bad_numbers_are_refused_by_name(name, value):
     with pytest.raises(InputError, match=f"TrailConfig.{name}"):
