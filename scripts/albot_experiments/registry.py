@@ -65,7 +65,7 @@ EXPERIMENTS = {
         Experiment(
             id="albot0-homing",
             title="Albot0 drives out and home by sonars alone (Schmidt et al.)",
-            seeds=20,
+            seeds=50,
             module="albot_experiments.albot0_homing",
         ),
         Experiment(
