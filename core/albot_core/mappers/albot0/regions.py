@@ -38,6 +38,10 @@ class RegionConfig:
     """A_max, by which areas are measured in equation (2) (m²); the paper gives no value. With n = 3
     regions of 12 m², the size of a small office, are half held together."""
 
+    bends: bool = True
+    """Whether corridors are parted where they bend, too: the equations tell widths alone. It asks
+    for θ_r below 2."""
+
     def __post_init__(self) -> None:
         check_fields(self, _ABOVE_ONE, "threshold")
         check_fields(self, SHARE, "regularisation")
@@ -52,6 +56,7 @@ class RegionConfig:
             weight=float(self.regularisation * self.threshold),
             centre=float(self.centre),
             smallest_area=float(self.smallest_area),
+            bends=bool(self.bends),
         )
 
 
@@ -123,7 +128,8 @@ def split_journey(
         return Regions(splits=np.zeros(1, np.int64), steps=lines)
     starts, faces, areas = ground.index
     seen = np.zeros(len(areas) + 1, np.int64)
-    lengths = np.hypot(*(lines[:, 2:] - lines[:, :2]).T)
-    journey = Journey(lengths, widths, begins, starts, faces, areas, seen)
+    ways = lines[:, 2:] - lines[:, :2]
+    lengths = np.hypot(*ways.T)
+    journey = Journey(ways, lengths, widths, begins, starts, faces, areas, seen)
     bounds = split_and_merge(journey, config.constants)
     return Regions(splits=bounds, steps=lines)

@@ -17,6 +17,12 @@ _ROUNDING = 1e-9
 however the journey's frame lies."""
 
 
+_CORRIDOR = 3.0
+"""A region is a corridor if it is more than so many times as long as wide…"""
+_STRAIGHT = 0.9
+"""…and its exits are at least this share of the way between them apart."""
+
+
 class Constants(NamedTuple):
     """The constants of equations (1) and (2); see `RegionConfig`."""
 
@@ -28,13 +34,17 @@ class Constants(NamedTuple):
     """n."""
     smallest_area: float
     """A_max (m²)."""
+    bends: bool
+    """Whether corridors are parted where they bend."""
 
 
 class Journey(NamedTuple):
     """What the areas and the lengths of all regions of a journey are worked out from."""
 
+    ways: np.ndarray
+    """(steps, 2): from where each step begins to where it ends (m)."""
     lengths: np.ndarray
-    """(steps,): how long each step is (m)."""
+    """(steps,): how long each is (m)."""
     widths: np.ndarray
     """(steps,): how wide the ground beside it is (m)."""
     begins: np.ndarray
@@ -54,7 +64,7 @@ def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
     """The steps at which regions begin, and the number of all steps (regions + 1,)."""
     steps = journey.lengths.shape[0]
     is_split = np.zeros(steps + 1, np.bool_)
-    before, after, residuals = np.empty((2, steps)), np.empty((2, steps)), np.empty(steps)
+    before, after, residuals = np.empty((5, steps)), np.empty((5, steps)), np.empty(steps)
     split(journey, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
     count = merge(journey, constants, splits, before, after, residuals)
@@ -64,11 +74,45 @@ def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
 
 @kernel()
 def homogeneity(
-    area: float, width: float, other_area: float, other_width: float, constants: Constants
+    before: np.ndarray, one: int, after: np.ndarray, other: int, constants: Constants
 ) -> float:
-    """h(P_i, P_j) of equation (1): low where two regions are alike."""
+    """h(P_i, P_j) of equation (1), or what their bend says: low where two regions are alike.
+
+    Args:
+        before: Measures of regions (see `measure_from`).
+        one: Which of these is P_i.
+        after: Likewise.
+        other: Which of these is P_j.
+        constants: The constants of the equations.
+    """
+    width, other_width = before[1, one], after[1, other]
     ratio = max(width, other_width) / min(width, other_width)
-    return float(ratio + constants.weight * regularisation(min(area, other_area), constants))
+    ratio = max(ratio, bend(before, one, after, other, constants))
+    smaller = min(before[0, one], after[0, other])
+    return float(ratio + constants.weight * regularisation(smaller, constants))
+
+
+@kernel()
+def bend(
+    before: np.ndarray, one: int, after: np.ndarray, other: int, constants: Constants
+) -> float:
+    """How sharply one corridor bends into another: 1 straight on, 2 at a right angle.
+
+    It is 1 where one of the two is no corridor. The paper names the overall direction beside the
+    width ("a corridor is separated from another one by a sharp bend in the wall"), and has no
+    equation for it: a right angle counting as much as twice the width is ours.
+    """
+    if not (constants.bends and is_corridor(before, one) and is_corridor(after, other)):
+        return 1.0
+    x, y, u, v = before[2, one], before[3, one], after[2, other], after[3, other]
+    return float(1.0 + abs(math.atan2(x * v - y * u, x * u + y * v)) / (0.5 * math.pi))
+
+
+@kernel()
+def is_corridor(measured: np.ndarray, k: int) -> bool:
+    """Whether a measured region is long, narrow and straight."""
+    straight = math.hypot(measured[2, k], measured[3, k])
+    return bool(straight > _CORRIDOR * measured[1, k] and straight > _STRAIGHT * measured[4, k])
 
 
 @kernel()
@@ -152,9 +196,7 @@ def residual(
     measure_until(journey, first, last, after)
     best, greatest = first, 0.0
     for middle in range(first + 1, last):
-        area, width = before[0, middle - 1], before[1, middle - 1]
-        other, other_width = after[0, middle], after[1, middle]
-        h = homogeneity(area, width, other, other_width, constants)
+        h = homogeneity(before, middle - 1, after, middle, constants)
         if h > greatest + _ROUNDING:
             best, greatest = middle, h
     return best, greatest
@@ -183,12 +225,16 @@ def shift(
         moved = False
         for k in range(1, splits.shape[0] - 1):
             first, last = splits[k - 1], splits[k + 1]
-            best = best_split(journey, first, splits[k], last)
+            measure_from(journey, first, last, before)
+            measure_until(journey, first, last, after)
+            best = sharpest_bend(first, splits[k], last, before, after)
+            if bend(before, best - 1, after, best, constants) <= constants.threshold:
+                best = best_split(journey, first, splits[k], last)
             if best == splits[k]:
                 continue
-            one = residual(journey, constants, first, best, before, after)[1]
-            other = residual(journey, constants, best, last, before, after)[1]
-            if max(one, other) <= constants.threshold:
+            h = residual(journey, constants, first, best, before, after)[1]
+            h = max(h, residual(journey, constants, best, last, before, after)[1])
+            if h <= constants.threshold:
                 splits[k], moved = best, True
 
 
@@ -215,25 +261,49 @@ def best_split(journey: Journey, first: int, here: int, last: int) -> int:
 
 
 @kernel()
+def sharpest_bend(first: int, here: int, last: int, before: np.ndarray, after: np.ndarray) -> int:
+    """Where the split point of two corridors had best be: where both are straightest."""
+    best, greatest = here, -np.inf
+    for middle in range(first + 1, last):
+        straight = math.hypot(before[2, middle - 1], before[3, middle - 1])
+        straight += math.hypot(after[2, middle], after[3, middle])
+        if straight > greatest + _ROUNDING:
+            best, greatest = middle, straight
+    return best
+
+
+@kernel()
 def measure_from(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to area and average width of the region from `first` to step k."""
+    """Set `measured[:, k]` to the measures of the region from `first` to step k.
+
+    They are its area (m²), its average width (m), the line from its entry to its exit (m, m), and
+    how long its way is (m).
+    """
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
+    east = north = 0.0
     for step in range(first, last):
         area += not_counted(journey, step, latest)
         length += journey.lengths[step]
         swaths += journey.lengths[step] * journey.widths[step]
+        east += journey.ways[step, 0]
+        north += journey.ways[step, 1]
         measured[0, step], measured[1, step] = area, swaths / length
+        measured[2, step], measured[3, step], measured[4, step] = east, north, length
 
 
 @kernel()
 def measure_until(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to area and average width of the region from step k to before `last`."""
+    """Set `measured[:, k]` to the measures of the region from step k to before `last`."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
+    east = north = 0.0
     for step in range(last - 1, first - 1, -1):
         area += not_counted(journey, step, latest)
         length += journey.lengths[step]
         swaths += journey.lengths[step] * journey.widths[step]
+        east += journey.ways[step, 0]
+        north += journey.ways[step, 1]
         measured[0, step], measured[1, step] = area, swaths / length
+        measured[2, step], measured[3, step], measured[4, step] = east, north, length
 
 
 @kernel()

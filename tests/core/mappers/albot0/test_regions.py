@@ -17,6 +17,7 @@ from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.albot0.split_and_merge import (
     Journey,
+    bend,
     homogeneity,
     regularisation,
     residual,
@@ -53,7 +54,8 @@ def journey_of(lines: np.ndarray, widths: np.ndarray) -> Journey:
     ground.add(steps.swaths)
     starts, faces, areas = ground.index
     lengths, seen = np.hypot(*(lines[:, 2:] - lines[:, :2]).T), np.zeros(len(areas) + 1, np.int64)
-    return Journey(lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
+    ways = lines[:, 2:] - lines[:, :2]
+    return Journey(ways, lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
 
 
 def straight(widths: list[float]) -> Regions:
@@ -104,7 +106,7 @@ def test_no_region_would_have_to_be_split_again(seed):
     lines, widths = wandering(seed)
     widths[np.random.default_rng(seed).integers(0, len(widths), 3)] = 0.4
     journey, regions = journey_of(lines, widths), split(lines, widths)
-    before, after = np.empty((2, 2, len(lines)))
+    before, after = np.empty((2, 5, len(lines)))
     for first, last in pairwise(regions.splits.tolist()):
         _, greatest = residual(journey, LEAST, first, last, before, after)
         assert greatest <= CONFIG.threshold
@@ -114,8 +116,42 @@ def test_equation_1_by_hand():
     """Widths of 2 m and 6 m. The smaller area is 12 m², so r = 1/(1+e^(-12/4+3)) - 1."""
     r = 1 / (1 + math.exp(0)) - 1
     expected = 3.0 + 0.2 * 1.7 * r
-    assert homogeneity(12.0, 2.0, 30.0, 6.0, LEAST) == pytest.approx(expected)
-    assert homogeneity(30.0, 6.0, 12.0, 2.0, LEAST) == pytest.approx(expected)
+    one, other = np.array(((12.0, 2.0, 6.0, 0.0, 6.0), (30.0, 6.0, 0.0, 5.0, 5.0)))[:, :, None]
+    assert homogeneity(one, 0, other, 0, LEAST) == pytest.approx(expected)
+    assert homogeneity(other, 0, one, 0, LEAST) == pytest.approx(expected)
+
+
+def corridor(*headings: float, leg: int = 10) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of 1 m along a corridor 2 m wide, so many in each direction."""
+    turned = np.repeat(headings, leg)
+    ways = np.stack((np.cos(turned), np.sin(turned)), axis=1)
+    ends = np.concatenate((np.zeros((1, 2)), np.cumsum(ways, axis=0)))
+    return np.hstack((ends[:-1], ends[1:])), np.ones((len(ways), 2))
+
+
+@pytest.mark.parametrize("path", [2, 3, 7, 10])
+@pytest.mark.parametrize("turn", [math.pi / 2, -math.pi / 2, 2.0, -2.0])
+def test_corridors_are_parted_where_they_bend(turn, path):
+    """Wherever the robot paths end; and where a third one follows, twice."""
+    assert split(*corridor(0.3, 0.3 + turn), path).splits.tolist() == [0, 10, 20]
+    there = split(*corridor(0.3, 0.3 + turn, 0.3), path)
+    assert there.splits.tolist() == [0, 10, 20, 30]
+
+
+def test_a_corridor_that_hardly_bends_is_one_region():
+    assert split(*corridor(0.0, 0.5)).splits.tolist() == [0, 20]
+
+
+def test_a_bend_by_hand():
+    """A right angle counts as twice the width; what is wide or crooked is no corridor."""
+    east, north = np.array(((60.0, 2.0, 9.0, 0.0, 9.0), (60.0, 2.0, 0.0, 9.0, 9.0)))[:, :, None]
+    assert bend(east, 0, north, 0, LEAST) == pytest.approx(2.0)
+    assert bend(north, 0, east, 0, LEAST) == pytest.approx(2.0)
+    assert bend(east, 0, east, 0, LEAST) == 1.0
+    wide, crooked = north.copy(), north.copy()
+    wide[1], crooked[4] = 3.1, 10.1
+    assert bend(east, 0, wide, 0, LEAST) == bend(crooked, 0, east, 0, LEAST) == 1.0
+    assert bend(east, 0, north, 0, RegionConfig(bends=False).constants) == 1.0
 
 
 def test_equation_2_by_hand():
