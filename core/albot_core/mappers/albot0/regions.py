@@ -7,6 +7,7 @@ of the way, and a corridor of another. Each region is an absolute space represen
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,15 +39,14 @@ class RegionConfig:
     """A_max, by which areas are measured in equation (2) (m²); the paper gives no value. With n = 3
     regions of 12 m², the size of a small office, are half held together."""
 
-    bends: bool = True
-    """Whether corridors are parted where they bend, too: the equations tell widths alone. It asks
-    for θ_r below 2."""
+    bend: float = math.radians(60.0)
+    """Corridors that turn by so much (rad) from one into the next are parted. Above π none are."""
 
     def __post_init__(self) -> None:
         check_fields(self, _ABOVE_ONE, "threshold")
         check_fields(self, SHARE, "regularisation")
         check_fields(self, NOT_NEGATIVE, "centre")
-        check_fields(self, POSITIVE, "smallest_area")
+        check_fields(self, POSITIVE, "smallest_area", "bend")
 
     @property
     def constants(self) -> Constants:
@@ -56,7 +56,7 @@ class RegionConfig:
             weight=float(self.regularisation * self.threshold),
             centre=float(self.centre),
             smallest_area=float(self.smallest_area),
-            bends=bool(self.bends),
+            bend=float(self.bend),
         )
 
 

@@ -18,9 +18,9 @@ however the journey's frame lies."""
 
 
 _CORRIDOR = 3.0
-"""A region is a corridor if it is more than so many times as long as wide…"""
+"""A piece of the way leads along a corridor if it is so many times as long as wide…"""
 _STRAIGHT = 0.9
-"""…and its exits are at least this share of the way between them apart."""
+"""…and its ends are at least this share of its length apart."""
 
 
 class Constants(NamedTuple):
@@ -34,8 +34,8 @@ class Constants(NamedTuple):
     """n."""
     smallest_area: float
     """A_max (m²)."""
-    bends: bool
-    """Whether corridors are parted where they bend."""
+    bend: float
+    """The least turn from one corridor into another that parts them (rad)."""
 
 
 class Journey(NamedTuple):
@@ -63,56 +63,24 @@ class Journey(NamedTuple):
 def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
     """The steps at which regions begin, and the number of all steps (regions + 1,)."""
     steps = journey.lengths.shape[0]
-    is_split = np.zeros(steps + 1, np.bool_)
-    before, after, residuals = np.empty((5, steps)), np.empty((5, steps)), np.empty(steps)
+    is_split, is_bend = np.zeros(steps + 1, np.bool_), np.zeros(steps + 1, np.bool_)
+    find_bends(journey, constants, is_bend)
+    is_split[:] = is_bend
+    before, after, residuals = np.empty((2, steps)), np.empty((2, steps)), np.empty(steps)
     split(journey, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
-    count = merge(journey, constants, splits, before, after, residuals)
-    shift(journey, constants, splits[: count + 1], before, after)
+    count = merge(journey, constants, is_bend, splits, before, after, residuals)
+    shift(journey, constants, is_bend, splits[: count + 1], before, after)
     return splits[: count + 1].copy()
 
 
 @kernel()
 def homogeneity(
-    before: np.ndarray, one: int, after: np.ndarray, other: int, constants: Constants
+    area: float, width: float, other_area: float, other_width: float, constants: Constants
 ) -> float:
-    """h(P_i, P_j) of equation (1), or what their bend says: low where two regions are alike.
-
-    Args:
-        before: Measures of regions (see `measure_from`).
-        one: Which of these is P_i.
-        after: Likewise.
-        other: Which of these is P_j.
-        constants: The constants of the equations.
-    """
-    width, other_width = before[1, one], after[1, other]
+    """h(P_i, P_j) of equation (1): low where two regions are alike."""
     ratio = max(width, other_width) / min(width, other_width)
-    ratio = max(ratio, bend(before, one, after, other, constants))
-    smaller = min(before[0, one], after[0, other])
-    return float(ratio + constants.weight * regularisation(smaller, constants))
-
-
-@kernel()
-def bend(
-    before: np.ndarray, one: int, after: np.ndarray, other: int, constants: Constants
-) -> float:
-    """How sharply one corridor bends into another: 1 straight on, 2 at a right angle.
-
-    It is 1 where one of the two is no corridor. The paper names the overall direction beside the
-    width ("a corridor is separated from another one by a sharp bend in the wall"), and has no
-    equation for it: a right angle counting as much as twice the width is ours.
-    """
-    if not (constants.bends and is_corridor(before, one) and is_corridor(after, other)):
-        return 1.0
-    x, y, u, v = before[2, one], before[3, one], after[2, other], after[3, other]
-    return float(1.0 + abs(math.atan2(x * v - y * u, x * u + y * v)) / (0.5 * math.pi))
-
-
-@kernel()
-def is_corridor(measured: np.ndarray, k: int) -> bool:
-    """Whether a measured region is long, narrow and straight."""
-    straight = math.hypot(measured[2, k], measured[3, k])
-    return bool(straight > _CORRIDOR * measured[1, k] and straight > _STRAIGHT * measured[4, k])
+    return float(ratio + constants.weight * regularisation(min(area, other_area), constants))
 
 
 @kernel()
@@ -121,6 +89,51 @@ def regularisation(smaller: float, constants: Constants) -> float:
     ratio = smaller / constants.smallest_area - constants.centre
     # The sigmoid by tanh, which does not overflow.
     return 0.5 * (1.0 + math.tanh(0.5 * ratio)) - 1.0
+
+
+@kernel()
+def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> None:
+    """Find where one corridor bends into another: there the regions are parted.
+
+    The paper names the overall direction beside the width ("a corridor is separated from another
+    one by a sharp bend in the wall"), but its equations tell widths alone. This is ours. Of steps
+    beside each other the one counts at which the way turns most.
+    """
+    sharpest, at = 0.0, 0
+    for step in range(1, journey.lengths.shape[0] + 1):
+        turn = 0.0
+        if step < journey.lengths.shape[0]:
+            came, x, y = corridor(journey, step - 1, -1)
+            goes, u, v = corridor(journey, step, 1)
+            if came and goes:
+                turn = abs(math.atan2(x * v - y * u, x * u + y * v))
+        if turn < constants.bend:
+            is_bend[at] |= sharpest > 0.0
+            sharpest = 0.0
+        elif turn > sharpest + _ROUNDING:
+            sharpest, at = turn, step
+
+
+@kernel()
+def corridor(journey: Journey, first: int, onward: int) -> tuple[bool, float, float]:
+    """Whether the way leads along a corridor from a step on or back; how it leads there (m, m).
+
+    Args:
+        journey: The journey.
+        first: The step.
+        onward: 1 for on, -1 for back.
+    """
+    length = swaths = east = north = 0.0
+    step = first
+    while 0 <= step < journey.lengths.shape[0]:
+        length += journey.lengths[step]
+        swaths += journey.lengths[step] * journey.widths[step]
+        east += journey.ways[step, 0]
+        north += journey.ways[step, 1]
+        if length * length >= _CORRIDOR * swaths:
+            return math.hypot(east, north) >= _STRAIGHT * length, east, north
+        step += onward
+    return False, east, north
 
 
 @kernel()
@@ -134,7 +147,7 @@ def split(
     """Split each robot path where h is greatest, and its parts again, while it is above θ_r."""
     steps = journey.lengths.shape[0]
     for step in range(steps):
-        is_split[step] = journey.begins[step]
+        is_split[step] |= journey.begins[step]
     is_split[0] = is_split[steps] = True
     first = 0
     while first < steps:
@@ -152,6 +165,7 @@ def split(
 def merge(
     journey: Journey,
     constants: Constants,
+    is_bend: np.ndarray,
     splits: np.ndarray,
     before: np.ndarray,
     after: np.ndarray,
@@ -159,11 +173,11 @@ def merge(
 ) -> int:
     """Merge the two neighbours that make the most homogeneous region, while it is not above θ_r.
 
-    Returns how many regions are left.
+    Corridors round a bend are not merged. Returns how many regions are left.
     """
     count = int(splits.shape[0]) - 1
     for k in range(count - 1):
-        residuals[k] = residual(journey, constants, splits[k], splits[k + 2], before, after)[1]
+        residuals[k] = merged(journey, constants, is_bend, splits[k : k + 3], before, after)
     while count > 1:
         k = 0
         for other in range(1, count - 1):
@@ -177,9 +191,24 @@ def merge(
         for other in range(k, count - 1):
             residuals[other] = residuals[other + 1]
         for other in range(max(k - 1, 0), min(k + 1, count - 1)):
-            first, last = splits[other], splits[other + 2]
-            residuals[other] = residual(journey, constants, first, last, before, after)[1]
+            three = splits[other : other + 3]
+            residuals[other] = merged(journey, constants, is_bend, three, before, after)
     return count
+
+
+@kernel()
+def merged(
+    journey: Journey,
+    constants: Constants,
+    is_bend: np.ndarray,
+    splits: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+) -> float:
+    """The residual of two neighbours, if they are merged; infinite round a bend."""
+    if is_bend[splits[1]]:
+        return math.inf
+    return float(residual(journey, constants, splits[0], splits[2], before, after)[1])
 
 
 @kernel()
@@ -196,7 +225,9 @@ def residual(
     measure_until(journey, first, last, after)
     best, greatest = first, 0.0
     for middle in range(first + 1, last):
-        h = homogeneity(before, middle - 1, after, middle, constants)
+        area, width = before[0, middle - 1], before[1, middle - 1]
+        other, other_width = after[0, middle], after[1, middle]
+        h = homogeneity(area, width, other, other_width, constants)
         if h > greatest + _ROUNDING:
             best, greatest = middle, h
     return best, greatest
@@ -206,11 +237,12 @@ def residual(
 def shift(
     journey: Journey,
     constants: Constants,
+    is_bend: np.ndarray,
     splits: np.ndarray,
     before: np.ndarray,
     after: np.ndarray,
 ) -> None:
-    """Shift each split point to where the overall error is least.
+    """Shift each split point to where the overall error is least; bends stay where they are.
 
     It is the squared error (as usual, says the paper) with which the average widths of the two
     regions stand for the widths of their steps. As in h ratios count, so that widths are compared
@@ -225,16 +257,12 @@ def shift(
         moved = False
         for k in range(1, splits.shape[0] - 1):
             first, last = splits[k - 1], splits[k + 1]
-            measure_from(journey, first, last, before)
-            measure_until(journey, first, last, after)
-            best = sharpest_bend(first, splits[k], last, before, after)
-            if bend(before, best - 1, after, best, constants) <= constants.threshold:
-                best = best_split(journey, first, splits[k], last)
-            if best == splits[k]:
+            best = best_split(journey, first, splits[k], last)
+            if best == splits[k] or is_bend[splits[k]]:
                 continue
-            h = residual(journey, constants, first, best, before, after)[1]
-            h = max(h, residual(journey, constants, best, last, before, after)[1])
-            if h <= constants.threshold:
+            one = residual(journey, constants, first, best, before, after)[1]
+            other = residual(journey, constants, best, last, before, after)[1]
+            if max(one, other) <= constants.threshold:
                 splits[k], moved = best, True
 
 
@@ -261,49 +289,25 @@ def best_split(journey: Journey, first: int, here: int, last: int) -> int:
 
 
 @kernel()
-def sharpest_bend(first: int, here: int, last: int, before: np.ndarray, after: np.ndarray) -> int:
-    """Where the split point of two corridors had best be: where both are straightest."""
-    best, greatest = here, -np.inf
-    for middle in range(first + 1, last):
-        straight = math.hypot(before[2, middle - 1], before[3, middle - 1])
-        straight += math.hypot(after[2, middle], after[3, middle])
-        if straight > greatest + _ROUNDING:
-            best, greatest = middle, straight
-    return best
-
-
-@kernel()
 def measure_from(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to the measures of the region from `first` to step k.
-
-    They are its area (m²), its average width (m), the line from its entry to its exit (m, m), and
-    how long its way is (m).
-    """
+    """Set `measured[:, k]` to area and average width of the region from `first` to step k."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
-    east = north = 0.0
     for step in range(first, last):
         area += not_counted(journey, step, latest)
         length += journey.lengths[step]
         swaths += journey.lengths[step] * journey.widths[step]
-        east += journey.ways[step, 0]
-        north += journey.ways[step, 1]
         measured[0, step], measured[1, step] = area, swaths / length
-        measured[2, step], measured[3, step], measured[4, step] = east, north, length
 
 
 @kernel()
 def measure_until(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to the measures of the region from step k to before `last`."""
+    """Set `measured[:, k]` to area and average width of the region from step k to before `last`."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
-    east = north = 0.0
     for step in range(last - 1, first - 1, -1):
         area += not_counted(journey, step, latest)
         length += journey.lengths[step]
         swaths += journey.lengths[step] * journey.widths[step]
-        east += journey.ways[step, 0]
-        north += journey.ways[step, 1]
         measured[0, step], measured[1, step] = area, swaths / length
-        measured[2, step], measured[3, step], measured[4, step] = east, north, length
 
 
 @kernel()

@@ -17,7 +17,6 @@ from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.albot0.split_and_merge import (
     Journey,
-    bend,
     homogeneity,
     regularisation,
     residual,
@@ -106,7 +105,7 @@ def test_no_region_would_have_to_be_split_again(seed):
     lines, widths = wandering(seed)
     widths[np.random.default_rng(seed).integers(0, len(widths), 3)] = 0.4
     journey, regions = journey_of(lines, widths), split(lines, widths)
-    before, after = np.empty((2, 5, len(lines)))
+    before, after = np.empty((2, 2, len(lines)))
     for first, last in pairwise(regions.splits.tolist()):
         _, greatest = residual(journey, LEAST, first, last, before, after)
         assert greatest <= CONFIG.threshold
@@ -116,9 +115,8 @@ def test_equation_1_by_hand():
     """Widths of 2 m and 6 m. The smaller area is 12 m², so r = 1/(1+e^(-12/4+3)) - 1."""
     r = 1 / (1 + math.exp(0)) - 1
     expected = 3.0 + 0.2 * 1.7 * r
-    one, other = np.array(((12.0, 2.0, 6.0, 0.0, 6.0), (30.0, 6.0, 0.0, 5.0, 5.0)))[:, :, None]
-    assert homogeneity(one, 0, other, 0, LEAST) == pytest.approx(expected)
-    assert homogeneity(other, 0, one, 0, LEAST) == pytest.approx(expected)
+    assert homogeneity(12.0, 2.0, 30.0, 6.0, LEAST) == pytest.approx(expected)
+    assert homogeneity(30.0, 6.0, 12.0, 2.0, LEAST) == pytest.approx(expected)
 
 
 def corridor(*headings: float, leg: int = 10) -> tuple[np.ndarray, np.ndarray]:
@@ -138,20 +136,25 @@ def test_corridors_are_parted_where_they_bend(turn, path):
     assert there.splits.tolist() == [0, 10, 20, 30]
 
 
+@pytest.mark.parametrize("path", [2, 3, 7, 10])
+def test_corridors_are_parted_where_the_robot_cuts_the_corner(path):
+    headings = np.repeat((0.0, 0.25 * math.pi, 0.5 * math.pi), (10, 2, 10))
+    lines, widths = corridor(*headings, leg=1)
+    splits = split(lines, widths, path).splits.tolist()
+    assert len(splits) == 3
+    assert 10 <= splits[1] <= 12
+
+
 def test_a_corridor_that_hardly_bends_is_one_region():
-    assert split(*corridor(0.0, 0.5)).splits.tolist() == [0, 20]
+    assert split(*corridor(0.0, 0.8)).splits.tolist() == [0, 20]
 
 
-def test_a_bend_by_hand():
-    """A right angle counts as twice the width; what is wide or crooked is no corridor."""
-    east, north = np.array(((60.0, 2.0, 9.0, 0.0, 9.0), (60.0, 2.0, 0.0, 9.0, 9.0)))[:, :, None]
-    assert bend(east, 0, north, 0, LEAST) == pytest.approx(2.0)
-    assert bend(north, 0, east, 0, LEAST) == pytest.approx(2.0)
-    assert bend(east, 0, east, 0, LEAST) == 1.0
-    wide, crooked = north.copy(), north.copy()
-    wide[1], crooked[4] = 3.1, 10.1
-    assert bend(east, 0, wide, 0, LEAST) == bend(crooked, 0, east, 0, LEAST) == 1.0
-    assert bend(east, 0, north, 0, RegionConfig(bends=False).constants) == 1.0
+@pytest.mark.parametrize("legs", [(5, 5), (12, 3)])
+def test_short_or_wide_pieces_are_no_corridors(legs):
+    """They are 2 m wide and 5 m long, or 3 m."""
+    lines, widths = corridor(0.0, 0.5 * math.pi, leg=12)
+    kept = np.r_[12 - legs[0] : 12 + legs[1]]
+    assert split(lines[kept], widths[kept]).splits.tolist() == [0, len(kept)]
 
 
 def test_equation_2_by_hand():
