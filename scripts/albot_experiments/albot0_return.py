@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -27,6 +27,9 @@ LONGEST = 3.0
 """A part of the floor that is more than so many times as long as it is wide is a corridor."""
 INSIDE = 1.0
 """A reading was taken inside a room if it was so far from all exits (m)."""
+LEG, NEAR = 6.0, 2.0
+"""Two corridors count where the way leads this far through both (m). They are parted if an ASR ends
+so near to where it leads from one into the other (m)."""
 PAPER = {"large_room_one_asr": 1.0, "home_believed": 0.7}
 """Of the paper's two experiments and in the thesis (Hossain 2014, section 2.3.4)."""
 ASKED = {"large_room_one_asr": 0.9, "right_or_border": 0.9, "home_believed": 0.9}
@@ -43,6 +46,8 @@ class Outcome:
     """How many ASRs the way out had."""
     is_whole: bool | None
     """Whether the largest room that the way out came into once was a single ASR; None without."""
+    bends: tuple[bool, ...]
+    """Whether corridors were parted, for each that the way out leads into from another."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
@@ -99,6 +104,7 @@ def follow(world: World, journey: Journey, turned: int) -> Outcome:
         stops={name: tuple(stops) for name, stops in robot.stops.items()},
         asrs=int(robot.places.max()) + 1,
         is_whole=_is_whole(world, robot.out, robot.places),
+        bends=_bends(world, robot.out, robot.places),
     )
 
 
@@ -122,6 +128,23 @@ def _is_whole(world: World, out: np.ndarray, places: np.ndarray) -> bool | None:
     return None if largest is None else len(inside[largest]) == 1
 
 
+def _bends(world: World, out: np.ndarray, places: np.ndarray) -> tuple[bool, ...]:
+    """Whether two corridors are parted, for each that the way leads into from another."""
+    gone = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(out, axis=0).T))))
+    splits = gone[np.flatnonzero(np.diff(places))]
+    corridors = {room.name for room in world.rooms if _is_long(room)}
+    rooms = [(world.room_at(*place), way) for place, way in zip(out.tolist(), gone, strict=True)]
+    known = [(room, way) for room, way in rooms if room is not None]
+    legs = [(room, [way for _, way in leg]) for room, leg in groupby(known, lambda each: each[0])]
+    parted = []
+    for (room, leg), (other, onward) in pairwise(legs):
+        shorter = min(leg[-1] - leg[0], onward[-1] - onward[0])
+        if {room, other} <= corridors and shorter > LEG:
+            away = np.abs(splits - 0.5 * (leg[-1] + onward[0]))
+            parted.append(bool((away < NEAR).any()))
+    return tuple(parted)
+
+
 def _is_long(room: Room) -> bool:
     """Whether a part of the floor is a corridor."""
     width, length = np.sort(np.ptp(room.boundary, axis=0)).tolist()
@@ -138,6 +161,7 @@ def _report(seeds: range, outcomes: Mapping[str, Sequence[Outcome]]) -> Report:
     everyone = [outcome for runs in outcomes.values() for outcome in runs]
     measured: dict[str, Figures] = {"seeds": len(seeds)}
     measured["large_room_one_asr"] = _share([each.is_whole for each in everyone])
+    measured["corridors_parted"] = _share([each for run in everyone for each in run.bends])
     measured |= _cue_figures(everyone, "default")
     for where, runs in outcomes.items():
         figures: dict[str, Figures] = {
@@ -190,6 +214,9 @@ At the end of the way out the mapper is told that the robot turns round. Means o
 ASR, but within {INSIDE:g} m of exits; what is more than {LONGEST:g} times as long as wide is a
 corridor, and no room. The rooms of the random offices are smaller than the sonars reach, and full
 of furniture; `albot0-2` has a large one.
+
+`corridors_parted`: how often an ASR ends within {NEAR:g} m of where the way out leads from one
+corridor into another, through more than {LEG:g} m of both.
 
 `right`: at which share of the stops on the way home the ASR believed in is that in which the
 nearest reading of the way out was taken; `right_or_border`: that, or one in which the way out comes

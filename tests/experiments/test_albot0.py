@@ -24,6 +24,25 @@ def test_a_corridor_is_no_large_room():
     assert albot0_return._is_whole(world, out, places) is False
 
 
+def test_corridors_count_as_parted_where_an_asr_ends_near_their_crossing():
+    """The way leads 10 m along one corridor and 8 m along the link that crosses it."""
+    world = load_world("random:office:203?rooms=12")
+    rooms = {room.name: room.boundary for room in world.rooms}
+    along, across = rooms["corridor 1"], rooms["link 2"]
+    x, y = across.mean(axis=0)[0], along.mean(axis=0)[1]
+    up = 1.0 if across.mean(axis=0)[1] > y else -1.0
+    legs = np.linspace(10.0, 0.0, 101), np.linspace(0.1, 9.0, 90)
+    side = 1.0 if x < along.mean(axis=0)[0] else -1.0
+    corridor = np.stack((x + side * legs[0], np.full(101, y)), axis=1)
+    link = np.stack((np.full(90, x), y + up * legs[1]), axis=1)
+    out = np.concatenate((corridor, link))
+    assert {world.room_at(*place) for place in out.tolist()} >= {"corridor 1", "link 2"}
+    parted, late = np.arange(191) >= 101, np.arange(191) >= 150
+    assert albot0_return._bends(world, out, parted.astype(np.int64)) == (True,)
+    assert albot0_return._bends(world, out, late.astype(np.int64)) == (False,)
+    assert albot0_return._bends(world, out[:120], parted[:120].astype(np.int64)) == ()
+
+
 def test_a_way_across_leads_through_a_door_hardly_wider_than_the_clearance():
     """The rooms of seeds 1, 71, 90, 92 and 3012 could not be reached, and the experiment ended."""
     world = load_world(albot0_return.OFFICE.format(seed=3012))
