@@ -96,8 +96,9 @@ def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> N
     """Find where one corridor bends into another: there the regions are parted.
 
     The paper names the overall direction beside the width ("a corridor is separated from another
-    one by a sharp bend in the wall"), but its equations tell widths alone. This is ours. Of steps
-    beside each other the one counts at which the way turns most.
+    one by a sharp bend in the wall"), but its equations tell widths alone. This is ours. It counts,
+    too, where the robot turns round in a corridor: by the paper's lengths, from entry to exit, that
+    parts it as well. Of steps beside each other the one counts at which the way turns most.
     """
     sharpest, at = 0.0, 0
     for step in range(1, journey.lengths.shape[0] + 1):

@@ -128,9 +128,9 @@ def corridor(*headings: float, leg: int = 10) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("path", [2, 3, 7, 10])
-@pytest.mark.parametrize("turn", [math.pi / 2, -math.pi / 2, 2.0, -2.0])
+@pytest.mark.parametrize("turn", [math.pi / 2, -math.pi / 2, 2.0, -2.0, math.pi])
 def test_corridors_are_parted_where_they_bend(turn, path):
-    """Wherever the robot paths end; and where a third one follows, twice."""
+    """Wherever the robot paths end; where a third one follows, twice; where it turns round, too."""
     assert split(*corridor(0.3, 0.3 + turn), path).splits.tolist() == [0, 10, 20]
     there = split(*corridor(0.3, 0.3 + turn, 0.3), path)
     assert there.splits.tolist() == [0, 10, 20, 30]
