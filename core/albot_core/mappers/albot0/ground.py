@@ -16,7 +16,6 @@ from jaxtyping import Float64, Int64
 from shapely.errors import GEOSException
 
 from albot_core.geometry.poses import inverse, transform_points
-from albot_core.kernels.compiled import kernel
 
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell. By no more than
@@ -64,7 +63,9 @@ class Ground:
         for shape, inner_shape, box in zip(shapes, inner_shapes, boxes, strict=True):
             rest, number = _polygonal(shape), self.count
             self.count += 1
-            near = np.flatnonzero(_meets(self._boxes[: len(self._faces)], box))
+            others = self._boxes[: len(self._faces)]
+            is_near = (others[:, :2] < box[2:]) & (others[:, 2:] > box[:2])
+            near = np.flatnonzero(is_near[:, 0] & is_near[:, 1])
             if len(near):
                 faces = np.array([self._faces[face] for face in near.tolist()], object)
                 reaches_in = shapely.intersects(inner_shape, faces)
@@ -113,16 +114,6 @@ class Ground:
         self._faces[index] = face
         self._boxes[index] = face.bounds
         self._areas[index] = face.area
-
-
-@kernel(arrays=True)
-def _meets(boxes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Which of some boxes, each given by its least and greatest x and y, overlap another (m)."""
-    meets = np.empty(boxes.shape[0], np.bool_)
-    for k in range(boxes.shape[0]):
-        east = boxes[k, 0] < box[2] and boxes[k, 2] > box[0]
-        meets[k] = east and boxes[k, 1] < box[3] and boxes[k, 3] > box[1]
-    return meets
 
 
 def _overlay(

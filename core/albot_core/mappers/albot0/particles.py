@@ -89,7 +89,8 @@ class Particles:
         count = len(self.weights)
         if np.square(self.weights).sum() * count < 2.0:
             return np.arange(count)
-        chosen = _draw(self.weights, self._rng.random())
+        drawn = (self._rng.random() + np.arange(count)) / count
+        chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), drawn), count - 1)
         self.poses = self.poses[chosen]
         self.weights = np.full(count, 1.0 / count)
         return chosen
@@ -176,25 +177,6 @@ def _weigh(
         # The best one is taken off in the exponent.
         weights[k] *= math.exp(scale * (least - sums[k]))
     _normalise(weights)
-
-
-@kernel(arrays=True)
-def _draw(weights: np.ndarray, start: float) -> np.ndarray:
-    """Draw as many particles anew as there are, at equal distances (low variance).
-
-    Args:
-        weights: Their weights, which sum to 1.
-        start: Where the first is drawn, as a share of the distance.
-    """
-    count = weights.shape[0]
-    chosen = np.empty(count, np.int64)
-    k, total = 0, weights[0]
-    for drawn in range(count):
-        while k < count - 1 and total < (start + drawn) / count:
-            k += 1
-            total += weights[k]
-        chosen[drawn] = k
-    return chosen
 
 
 @kernel(arrays=True)

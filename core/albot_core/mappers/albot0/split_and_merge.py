@@ -15,8 +15,6 @@ from albot_core.kernels.compiled import kernel
 _ROUNDING = 1e-9
 """Values of h that differ by less are equal: of equal splits and merges the first one counts,
 however the journey's frame lies."""
-
-
 _CORRIDOR = 3.0
 """A piece of the way leads along a corridor if it is so many times as long as wide…"""
 _STRAIGHT = 0.9
@@ -24,7 +22,7 @@ _STRAIGHT = 0.9
 
 
 class Constants(NamedTuple):
-    """The constants of equations (1) and (2); see `RegionConfig`."""
+    """The constants of equations (1) and (2), and our own; see `RegionConfig`."""
 
     threshold: float
     """θ_r."""
@@ -63,9 +61,9 @@ class Journey(NamedTuple):
 def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
     """The steps at which regions begin, and the number of all steps (regions + 1,)."""
     steps = journey.lengths.shape[0]
-    is_split, is_bend = np.zeros(steps + 1, np.bool_), np.zeros(steps + 1, np.bool_)
+    is_bend = np.zeros(steps + 1, np.bool_)
     find_bends(journey, constants, is_bend)
-    is_split[:] = is_bend
+    is_split = is_bend.copy()
     before, after, residuals = np.empty((2, steps)), np.empty((2, steps)), np.empty(steps)
     split(journey, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
@@ -109,7 +107,8 @@ def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> N
             if came and goes:
                 turn = abs(math.atan2(x * v - y * u, x * u + y * v))
         if turn < constants.bend:
-            is_bend[at] |= sharpest > 0.0
+            if sharpest > 0.0:
+                is_bend[at] = True
             sharpest = 0.0
         elif turn > sharpest + _ROUNDING:
             sharpest, at = turn, step

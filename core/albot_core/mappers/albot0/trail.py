@@ -33,6 +33,7 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 _COUNT = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 _LIMIT = Range("a number within (0, 10]", 0.0, 10.0, beyond=True)
+"""The limits of an echo field (m): sums of their squares stay within 32 bits."""
 _AROUND = 8.0
 """Echoes of steps that are farther away than this (m) are not heard from where the robot is."""
 _SUM = 1e-6

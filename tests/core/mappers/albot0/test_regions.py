@@ -307,6 +307,7 @@ def test_the_ground_is_the_union_of_the_swaths(seed):
         ("regularisation", 1.1),
         ("centre", -1.0),
         ("smallest_area", 0.0),
+        ("bend", 0.0),
     ],
 )
 def test_thresholds_are_checked(name, value):
