@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.errors import InputError
 from albot_core.geometry.pose_kernels import pseudo_angle
 from albot_core.geometry.types import Pose, Ranges, Segments
 from albot_core.kernels.simd import LANES32
@@ -36,6 +37,9 @@ class LaserConfig:
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "range_noise")
         check_fields(self, SHARE, "dropout")
+        if self.geometry.beam_width != 0:
+            found = str(self.geometry.beam_width)
+            raise InputError("LaserConfig.geometry", "beam_width 0: its beams are rays", found)
 
     @property
     def dropout_threshold(self) -> int:

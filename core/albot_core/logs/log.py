@@ -31,6 +31,9 @@ NO_RETURN = 30.0
 above for no return."""
 SICK_SPACINGS = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}
 """Angle between the beams of a SICK LMS over 180° (degrees), by the number of beams."""
+SICK_BEAM_WIDTH = float(np.radians(0.5))
+"""Width of a SICK LMS's beam (rad), measured in Intel's log: a wall that is met at 10° to 40° is
+read too near by what the nearer edge of such a beam is nearer than its axis."""
 _MOUNT_PLAY = 0.01
 """Largest deviation of a laser's recorded mount from its median (m, rad)."""
 _MOUNT_DIGITS = 4
@@ -208,7 +211,13 @@ def sick_laser(
 ) -> LaserGeometry:
     """Return the geometry of a SICK laser; `beams` is a key of `SICK_SPACINGS`."""
     spacing = float(np.deg2rad(SICK_SPACINGS[beams]))
-    return LaserGeometry(beams=beams, spacing=spacing, max_range=max_range, mount=mount)
+    return LaserGeometry(
+        beams=beams,
+        spacing=spacing,
+        beam_width=SICK_BEAM_WIDTH,
+        max_range=max_range,
+        mount=mount,
+    )
 
 
 def constant_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | None:

@@ -29,6 +29,8 @@ class LaserGeometry:
     """Bearing of the first beam from the laser's axis (rad); beams run counter-clockwise."""
     spacing: float = np.pi / 180
     """Angle between neighbouring beams (rad)."""
+    beam_width: float = 0.0
+    """Full angle of a beam (rad), which measures the nearest of what it meets; 0 for a ray."""
     max_range: float = 30.0
     """Maximum range (m); ranges at or above it mean no return."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -42,6 +44,8 @@ class LaserGeometry:
             raise InputError("LaserGeometry.mount", expected, str(self.mount))
         if not 0 < self.spacing <= np.pi / 2:
             raise InputError("LaserGeometry.spacing", "within (0, pi/2]", str(self.spacing))
+        if not 0 <= self.beam_width < np.pi / 2:
+            raise InputError("LaserGeometry.beam_width", "within [0, pi/2)", str(self.beam_width))
         if (self.beams - 1) * self.spacing > 2 * np.pi + 1e-9:
             found = f"{self.beams} beams {self.spacing:g} rad apart"
             raise InputError("LaserGeometry.beams", "at most a full turn", found)

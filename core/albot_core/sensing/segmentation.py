@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
+from albot_core.sensing.beam_model import BeamModel, nearer_side
+from albot_core.sensing.line_fit import find_bend
 
 
 @kernel()
@@ -17,20 +19,26 @@ def scan_points(
     mount_x: float,
     mount_y: float,
     max_range: float,
+    model: BeamModel,
     points: np.ndarray,
     beams: np.ndarray,
 ) -> int:
     """Step 1: write the points closer than `max_range` (m) to `points` (n, 2); return how many.
 
     `beams` (n,) takes the beam of each. `directions` (beams, 2) are the beams' unit vectors in the
-    robot's frame.
+    robot's frame. A wide beam measures the nearest of what it meets: the point lies at the edge on
+    the side to which its wall comes nearer, and by the `model` that is where it is written.
     """
-    count = 0
+    count, half_width = 0, 0.5 * model.width if model.is_used else 0.0
     for i in range(ranges.shape[0]):
         reach = ranges[i]
         if reach < max_range:
-            points[count, 0] = mount_x + reach * directions[i, 0]
-            points[count, 1] = mount_y + reach * directions[i, 1]
+            ux, uy = directions[i, 0], directions[i, 1]
+            if half_width > 0.0:
+                turn = half_width * nearer_side(ranges, i)
+                ux, uy = ux - turn * uy, uy + turn * ux  # so small a turn keeps the length
+            points[count, 0] = mount_x + reach * ux
+            points[count, 1] = mount_y + reach * uy
             beams[count] = i
             count += 1
     return int(count)
@@ -74,13 +82,18 @@ def segment_points(
     gaps: np.ndarray,
     cluster_size: float,
     break_height: float,
+    significance: float,
+    eye: tuple[float, float],
+    model: BeamModel,
     stack: np.ndarray,
     spans: np.ndarray,
 ) -> int:
     """Steps 2 and 3: cluster the points and break the clusters; return the number of spans.
 
     Row k of `spans` is the first point, the last point and the cluster of span k, in the
-    order of the scan. Spans broken from one cluster share the break point.
+    order of the scan. Spans broken from one cluster share the break point. A cluster is broken
+    where a point is `break_height` from its chord (m) and, ours, where it is bent (`find_bend`, if
+    `significance` is above 0).
     `stack` (count + 1, 2) int64 is a scratch buffer.
     """
     found, cluster, start = 0, 0, 0
@@ -98,7 +111,11 @@ def segment_points(
             dy = points[last, 1] - points[first, 1]
             middle, height = _farthest_from_chord(points, first, last)
             # A closed outline has a short chord and a large height; the larger counts as its size.
-            if height > break_height and max(np.sqrt(dx * dx + dy * dy), height) > cluster_size:
+            if height <= break_height or max(np.sqrt(dx * dx + dy * dy), height) <= cluster_size:
+                middle = -1
+                if significance > 0.0:
+                    middle = find_bend(points, first, last, eye, model, significance)
+            if middle >= 0:
                 stack[depth, 0], stack[depth, 1] = middle, last
                 stack[depth + 1, 0], stack[depth + 1, 1] = first, middle
                 depth += 2

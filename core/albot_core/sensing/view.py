@@ -15,6 +15,8 @@ from jaxtyping import Bool, Float64, Int8
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from albot_core.sensing.beam_model import BeamModel
+from albot_core.sensing.line_fit import fit_line
 from albot_core.sensing.reading import LaserScan
 from albot_core.sensing.segmentation import scan_points, segment_points, set_gaps
 
@@ -47,6 +49,14 @@ class ViewConfig:
     cut_ends: bool = False
     """Whether no end is an occluding point where a wall only leaves the laser's range. In the
     thesis, which does not speak of walls out of range, such ends are."""
+    beam_model: bool = False
+    """Whether a point lies at the nearer edge of its beam, and weighs by how precisely it tells
+    where its wall is (`beam_model`). In the thesis points lie on their beams' axes; then a wall
+    beside the robot is turned towards it by half the `beam_width` of a laser such as a SICK."""
+    bend_significance: float = 0.0
+    """A cluster is broken where it is bent, too: where two lines fit better than one by this F
+    statistic; 0 for never, as in the thesis. A bent wall that is drawn straight lies, and heads,
+    otherwise for each place from which it is seen."""
     fit_lines: bool = False
     """Whether a surface lies on the line fitted to all its points, instead of running from its
     first point to its last."""
@@ -58,14 +68,15 @@ class ViewConfig:
     def __post_init__(self) -> None:
         lengths = "max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"
         check_fields(self, POSITIVE, *lengths)
-        check_fields(self, NOT_NEGATIVE, "min_incidence")
+        check_fields(self, NOT_NEGATIVE, "min_incidence", "bend_significance")
         check_fields(self, _FROM_TWO, "surface_points")
 
     @property
-    def thresholds(self) -> Float64[np.ndarray, "6"]:
-        """The four lengths, the count and the angle for the compiled extraction, in its order."""
+    def thresholds(self) -> Float64[np.ndarray, "7"]:
+        """Four lengths, the count, the angle and the F statistic, as `extract_surfaces` asks."""
         lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
-        return np.array((*lengths, float(self.surface_points), self.min_incidence))
+        others = float(self.surface_points), self.min_incidence, self.bend_significance
+        return np.array((*lengths, *others))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,6 +107,7 @@ def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
         geometry.mount[0],
         geometry.mount[1],
         min(config.max_range, geometry.max_range),
+        BeamModel(geometry.spacing, geometry.beam_width, config.beam_model),
         config.thresholds,
         config.fit_lines,
         config.grazing_ends,
@@ -114,6 +126,7 @@ def extract_surfaces(
     mount_x: float,
     mount_y: float,
     max_range: float,
+    model: BeamModel,
     thresholds: np.ndarray,
     fit: bool,
     grazing: bool,
@@ -124,15 +137,16 @@ def extract_surfaces(
 ) -> int:
     """Run all steps of view construction (thesis, section 3.1.3); return the number of surfaces.
 
-    `thresholds` are those of `ViewConfig.thresholds` (m, count, rad). `surfaces` and `edges` are
+    `thresholds` are those of `ViewConfig.thresholds` (m, count, rad, F). `surfaces` and `edges` are
     written in the robot's frame (m), in the order of the beams.
     """
-    gap, size, height, shortest, fewest, incidence = thresholds
+    gap, size, height, shortest, fewest, incidence, bend = thresholds
+    eye = mount_x, mount_y
     points, beams, gaps, stack, spans, lines, raw, kept = buffers
-    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points, beams)
+    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, model, points, beams)
     set_gaps(ranges, directions, beams[:seen], gap, incidence, gaps)
-    formed = segment_points(points, seen, gaps, size, height, stack, spans)
-    form_surfaces(points, spans, formed, fit, height, lines, raw)
+    formed = segment_points(points, seen, gaps, size, height, bend, eye, model, stack, spans)
+    form_surfaces(points, spans, formed, fit, height, eye, model, lines, raw)
     count = ZERO
     for k in range(formed):
         if count == surfaces.shape[0]:
@@ -198,6 +212,8 @@ def form_surfaces(
     count: int,
     fit: bool,
     break_height: float,
+    eye: tuple[float, float],
+    model: BeamModel,
     lines: np.ndarray,
     surfaces: np.ndarray,
 ) -> None:
@@ -217,7 +233,7 @@ def form_surfaces(
         first, last = spans[k, 0], spans[k, 1]
         # The shared break point may belong to the neighbour alone, so longer fits leave it out.
         trim = 1 if last - first >= 4 else 0
-        fit_line(points, first + trim, last - trim, lines[k])
+        fit_line(points, first + trim, last - trim, eye, model, lines[k])
         surfaces[k, 0], surfaces[k, 1] = _foot(lines[k], surfaces[k, 0], surfaces[k, 1])
         surfaces[k, 2], surfaces[k, 3] = _foot(lines[k], surfaces[k, 2], surfaces[k, 3])
     for k in range(1, count):
@@ -229,34 +245,6 @@ def form_surfaces(
         if (x - px) ** 2 + (y - py) ** 2 < break_height**2:
             surfaces[k - 1, 2], surfaces[k - 1, 3] = x, y
             surfaces[k, 0], surfaces[k, 1] = x, y
-
-
-@kernel()
-def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> None:
-    """Fit a line to points first..last by total least squares: line = x, y, dx, dy.
-
-    (x, y) is the points' mean; the unit direction (dx, dy) runs from first to last.
-    """
-    n = last - first + 1
-    mx = my = 0.0
-    for i in range(first, last + 1):
-        mx += points[i, 0]
-        my += points[i, 1]
-    mx /= n
-    my /= n
-    sxx = sxy = syy = 0.0
-    for i in range(first, last + 1):
-        x, y = points[i, 0] - mx, points[i, 1] - my
-        sxx += x * x
-        sxy += x * y
-        syy += y * y
-    angle = 0.5 * np.arctan2(2 * sxy, sxx - syy)
-    dx, dy = np.cos(angle), np.sin(angle)
-    run_x = points[last, 0] - points[first, 0]
-    run_y = points[last, 1] - points[first, 1]
-    if dx * run_x + dy * run_y < 0:
-        dx, dy = -dx, -dy
-    line[0], line[1], line[2], line[3] = mx, my, dx, dy
 
 
 @kernel()

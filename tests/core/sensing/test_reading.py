@@ -52,7 +52,7 @@ def test_motion_must_be_finite() -> None:
 
 IMPOSSIBLE: list[dict[str, object]] = [
     {"beams": 1}, {"spacing": 0.0}, {"max_range": np.inf},
-    {"first_bearing": np.nan}, {"mount": (np.nan, 0.0, 0.0)},
+    {"first_bearing": np.nan}, {"beam_width": -0.01}, {"mount": (np.nan, 0.0, 0.0)},
 ]  # fmt: skip
 
 

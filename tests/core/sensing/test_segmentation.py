@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from albot_core.sensing.reading import LaserGeometry, LaserScan
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 from albot_core.sensing.segmentation import set_gaps
 from albot_core.sensing.view import NO_EDGE, OCCLUDING, ViewConfig, construct_view
 
@@ -58,3 +59,40 @@ def test_a_wall_that_leaves_the_range_has_no_end_there(
     left = view.surfaces[:, 1] > 1.0
     assert left.sum() == 1
     assert view.edges[left][0, 0] == edge
+
+
+def with_wide_beams(width: float) -> LaserScan:
+    """`along_a_wall` without an end, by beams that measure the nearest of what they meet."""
+    geometry = LaserGeometry(spacing=np.radians(1.0), beam_width=width, max_range=12.0)
+    across = geometry.bearings + np.linspace(-0.5, 0.5, 101)[:, None] * width
+    with np.errstate(divide="ignore"):
+        walls = np.where(np.sin(across) > 0, 2.0, 3.0) / np.abs(np.sin(across))
+    ranges = walls.min(axis=0)
+    ranges[ranges >= geometry.max_range] = np.inf
+    return LaserScan(ranges=ranges, geometry=geometry)
+
+
+def inward(surfaces: np.ndarray) -> np.ndarray:
+    """How far long surfaces beside the robot are turned towards it (rad)."""
+    run = surfaces[:, 2:] - surfaces[:, :2]
+    long = np.hypot(*run.T) > 4.0
+    assert long.sum() == 2
+    turned = np.arctan(run[long, 1] / run[long, 0])
+    return -np.sign(surfaces[long, 1]) * turned
+
+
+@pytest.mark.parametrize("degrees", [0.25, 0.5, 1.0])
+def test_a_wall_seen_by_wide_beams_is_not_turned(degrees: float) -> None:
+    width = np.radians(degrees)
+    args = {"min_incidence": np.radians(10.0), "fit_lines": True}
+    on_axes = construct_view(with_wide_beams(width), ViewConfig(**args)).surfaces
+    at_edges = construct_view(with_wide_beams(width), ViewConfig(**args, beam_model=True)).surfaces
+    assert inward(on_axes) == pytest.approx(0.5 * width, rel=0.15)
+    assert np.abs(inward(at_edges)).max() < 0.05 * width
+
+
+def test_albot1_lays_walls_seen_by_wide_beams_where_they_are() -> None:
+    mapper = Albot1()
+    scan = with_wide_beams(np.radians(0.5))
+    mapper.update(Reading(stamp=0.0, motion=np.zeros(3), laser=scan))
+    assert np.abs(inward(mapper.snapshot().segments)).max() < np.radians(0.02)

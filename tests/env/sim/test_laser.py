@@ -78,6 +78,11 @@ def test_impossible_errors_are_refused(field: str, value: float) -> None:
         LaserConfig(**{field: value})
 
 
+def test_the_simulated_beams_are_rays() -> None:
+    with pytest.raises(InputError, match="beam_width 0"):
+        LaserConfig(geometry=LaserGeometry(beam_width=0.01))
+
+
 def test_the_benchmark_measures_three_sizes() -> None:
     rows = measure_laser(0.05)
     assert [row["segments"] for row in rows] == [60, 200, 1000]

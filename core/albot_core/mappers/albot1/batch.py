@@ -42,6 +42,7 @@ from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
+from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.reading import LaserGeometry, Readings
 
 AFRESH = 0.2
@@ -349,6 +350,7 @@ class Albot1Batch:
         view = self.config.view
         return ViewSettings(
             directions=laser.directions,
+            beam_model=BeamModel(laser.spacing, laser.beam_width, view.beam_model),
             mount=(float(laser.mount[0]), float(laser.mount[1])),
             max_range=float(min(laser.max_range, view.max_range)),
             thresholds=view.thresholds,

@@ -216,7 +216,7 @@ def _step_view(
     x, y = previous.pose[0], previous.pose[1]
     robots.next_ids[row] = pm.counts[NEXT_ID]
     odometer = robots.odometers[row]
-    map_step(pm, previous, current, since, limits, progress, odometer, buffers)
+    map_step(pm, previous, current, since, limits, progress, odometer, settings.beam_model, buffers)
     copy_view(current, previous)
     exits, pose = exits_at(robots.table[row]), current.pose
     if limits.remembers_places:

@@ -54,6 +54,7 @@ from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
 from albot_core.mappers.albot1.perceptual_map.tracking import localize_jointly, search_turn
 from albot_core.matching.lines import heading_of, line_length, wrap
+from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.view import NO_EDGE
 
 STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
@@ -297,6 +298,7 @@ def map_step(
     limits: Albot1Limits,
     progress: np.ndarray,
     odometer: np.ndarray,
+    beam_model: BeamModel,
     buffers: MatchBuffers,
 ) -> None:
     """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`.
@@ -316,7 +318,7 @@ def map_step(
             compose_pose(previous.pose, motion, current.pose)  # Alg. 4, line 10
             if limits.submap_matching:
                 recognized, agreement = match_submap(
-                    pm, previous, current, motion, limits, odometer, buffers
+                    pm, previous, current, motion, limits, odometer, beam_model, buffers
                 )
             else:  # Alg. 4, lines 11, 14 and 19
                 recognized = _recognize_and_localize(pm, previous, current, motion, limits, buffers)

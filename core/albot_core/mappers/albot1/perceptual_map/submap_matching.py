@@ -61,6 +61,7 @@ from albot_core.matching.least_squares import (
     solved,
 )
 from albot_core.matching.lines import moved_ends, wrap
+from albot_core.sensing.beam_model import BeamModel, precision_across
 from albot_core.sensing.view import NO_EDGE
 
 ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
@@ -104,7 +105,8 @@ POINT_SCALE, POINT_NOISE = 0.08, 0.03
 """Residual (m) at which a point has half its weight (Cauchy weights), and its standard
 deviation."""
 POINT_WEIGHT = 0.5
-"""Weight of a point: neighbouring points of a wall err together."""
+"""Weight of a point that is well known (`beams_met`): neighbouring points of a wall err
+together."""
 ROW, SIDE = 0, 1
 """Columns of `landmarks`, one row a wall in view: the row of `expected` that it is recognised as,
 or -1, and by which end."""
@@ -122,6 +124,7 @@ def match_submap(
     motion: np.ndarray,
     limits: Albot1Limits,
     odometer: np.ndarray,
+    beam_model: BeamModel,
     buffers: MatchBuffers,
 ) -> tuple[int, float]:
     """Move `current.pose` from where `motion` leads to where the remembered surfaces say.
@@ -137,7 +140,7 @@ def match_submap(
     share = best = first = 0.0
     kept = aligned = remembered = 0
     known = (scale, directions, odometer, buffers, scores, shifts)
-    scene = (pm, previous, current, seen, limits, odometer, buffers, correction)
+    scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
     for k in range(MOTIONS):
         if k == 0 and is_missing:
             search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
@@ -195,6 +198,7 @@ def _align(
     seen: np.ndarray,
     limits: Albot1Limits,
     odometer: np.ndarray,
+    beam_model: BeamModel,
     buffers: MatchBuffers,
     correction: np.ndarray,
 ) -> tuple[int, float]:
@@ -217,7 +221,7 @@ def _align(
         equations = held(correction, motion_weight, turn_weight)
         equations = _pulled_by_landmarks(equations, seen, expected, buffers.landmarks, *moved)
         equations, share = _pulled_by_walls(
-            equations, seen, expected, remembered, wide, *moved, buffers
+            equations, seen, expected, remembered, beam_model, wide, *moved, buffers
         )
         x, y, step = solved(equations)
         correction[0] += x
@@ -310,6 +314,7 @@ def _pulled_by_walls(
     seen: np.ndarray,
     expected: np.ndarray,
     remembered: int,
+    beam_model: BeamModel,
     wide: float,
     correction: np.ndarray,
     cos: float,
@@ -324,11 +329,12 @@ def _pulled_by_walls(
     gap, scale, matched, length = wide * POINT_GAP, wide * POINT_SCALE, 0.0, 0.0
     for k in range(seen.shape[0]):
         length += seen[k, 4]
-    spacing = max(POINT_SPACING, length / MAX_POINTS)
+    apart = max(POINT_SPACING, length / MAX_POINTS)
     for k in range(seen.shape[0]):
-        parts = max(int(seen[k, 4] / spacing + 0.5), 1)
+        parts = max(int(seen[k, 4] / apart + 0.5), 1)
         step = seen[k, 4] / parts
         weight = POINT_WEIGHT * step / POINT_SPACING / (wide * POINT_NOISE) ** 2
+        passes = seen[k, 0] * seen[k, 7] - seen[k, 1] * seen[k, 6]
         ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
         x0, y0 = rotate(cos, sin, seen[k, 0], seen[k, 1])
         line = (correction[0] + x0, correction[1] + y0), (ux, uy)
@@ -352,5 +358,17 @@ def _pulled_by_walls(
                 matched += step / (1.0 + (off / scale) ** 2)
                 wx, wy = -expected[which, 7], expected[which, 6]
                 own = weight / (1.0 + (off / scale) ** 2)
+                if beam_model.is_used:
+                    own *= min(beams_met(x * x + y * y, passes, beam_model), 1.0)
                 equations = pulled_along(equations, x, y, wx, wy, -off, own)
     return equations, matched / max(length, POINT_SPACING)
+
+
+@kernel()
+def beams_met(square: float, aside: float, model: BeamModel) -> float:
+    """How much is known of POINT_SPACING of a wall: its beams, each by its precision.
+
+    `square` is the square of its distance from the robot (m²), `aside` that of its line (m).
+    """
+    beams = POINT_SPACING * abs(aside) / (square * model.spacing)
+    return float(beams * precision_across(square, aside, model))

@@ -10,6 +10,7 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
 from albot_core.matching.lines import line_length
+from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
 
 
@@ -18,12 +19,14 @@ class ViewSettings(NamedTuple):
 
     directions: np.ndarray
     """(beams, 2) float64: unit vectors of the beams in the robot's frame."""
+    beam_model: BeamModel
+    """What is known of the beams."""
     mount: tuple[float, float]
     """Where the laser is in the robot's frame (m)."""
     max_range: float
     """Points at or beyond this distance are dropped (m)."""
     thresholds: np.ndarray
-    """(6,) float64: see `ViewConfig.thresholds`."""
+    """(7,) float64: see `ViewConfig.thresholds`."""
     fit_lines: bool
     grazing_ends: bool
     cut_ends: bool
@@ -45,6 +48,7 @@ def take_view(
         settings.mount[0],
         settings.mount[1],
         settings.max_range,
+        settings.beam_model,
         settings.thresholds,
         settings.fit_lines,
         settings.grazing_ends,

@@ -15,9 +15,14 @@ from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.perceptual_map.near_walls import tabulate
 from albot_core.mappers.albot1.perceptual_map.submap import make_match_buffers
-from albot_core.mappers.albot1.perceptual_map.submap_matching import match_landmarks
+from albot_core.mappers.albot1.perceptual_map.submap_matching import (
+    POINT_SPACING,
+    beams_met,
+    match_landmarks,
+)
 from albot_core.matching.lines import moved_ends
-from albot_core.sensing.reading import Reading
+from albot_core.sensing.beam_model import BeamModel, precision_across
+from albot_core.sensing.reading import LaserGeometry, Reading
 from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
 from tests.core.scenes import FURNITURE, ROOM, scan_from
@@ -118,3 +123,37 @@ def test_without_an_odometer_the_views_tell_the_motion() -> None:
         error = relative(pose, mapper.estimate.pose)
         assert np.hypot(*error[:2]) < 0.05
         assert abs(np.degrees(error[2])) < 1.0
+
+
+@pytest.mark.parametrize("degrees", [1.0, 2.0])
+@pytest.mark.parametrize(("aside", "ahead"), [(1.0, 0.0), (1.0, 6.0), (3.0, -4.0)])
+def test_a_point_of_a_wall_counts_by_the_beams_that_meet_the_wall_around_it(
+    aside: float, ahead: float, degrees: float
+) -> None:
+    around = np.arctan2(aside, ahead + np.array((-0.5, 0.5)) * POINT_SPACING)
+    counted = abs(np.diff(around)[0]) / np.radians(degrees)
+    model, square = BeamModel(np.radians(degrees), 0.0, True), ahead**2 + aside**2
+    known = beams_met(square, aside, model) / precision_across(square, aside, model)
+    assert known == pytest.approx(counted, rel=0.02)
+
+
+def heading_along_a_bent_wall(config: Albot1Config) -> float:
+    """Where a robot believes to head that drives straight past a wall bent by a 30 m radius (°)."""
+    along = np.arange(0.0, 22.1, 0.25)
+    walls = []
+    for y in (np.full_like(along, 1.0), -1.0 - np.maximum(along - 4.0, 0.0) ** 2 / 60.0):
+        corners = np.stack((along, y), axis=1)
+        walls.append(np.concatenate((corners[:-1], corners[1:]), axis=1))
+    mapper, laser = Albot1(config), LaserGeometry(max_range=8.0)
+    for k in range(8):
+        scan = scan_from(np.array((1.0 + k, 0.0, 0.0)), np.concatenate(walls), laser)
+        motion = np.array((min(k, 1), 0.0, 0.0))
+        mapper.update(Reading(stamp=float(k), motion=motion, laser=scan))
+    return float(np.degrees(mapper.estimate.pose[2]))
+
+
+def test_a_bent_wall_turns_the_robot_less_where_it_is_broken() -> None:
+    config = Albot1Config()
+    unbroken = replace(config, view=replace(config.view, bend_significance=0.0))
+    assert heading_along_a_bent_wall(unbroken) > 1.5
+    assert abs(heading_along_a_bent_wall(config)) < 0.5
