@@ -11,7 +11,8 @@ real logs the turn often is not so good. Here
    from a line (Censi, "An ICP variant using a point-to-line metric", 2008).
 
 How sure a match is decides how widely to search. Where two turns are about as likely both are
-aligned; where little of the view is explained, motions farther off are, one after another.
+aligned; where little of the view is explained, the odometer's motion is, and motions farther off
+are, one after another.
 
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
@@ -66,7 +67,8 @@ from albot_core.sensing.view import NO_EDGE
 
 ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
 """How many motions are aligned at the most: the likeliest turn, and another that is nearly as
-likely; then, as long as no match is sure, further turns, and motions of other translations."""
+likely; then, as long as no match is sure, the odometer's own, a further turn, and motions of other
+translations."""
 NEARLY = 0.15
 """A turn is nearly as likely as another with a score no more than this below it."""
 ODD_TURN = 5.0
@@ -77,8 +79,9 @@ WIDEST_TURN = np.radians(90.0)
 REACH, REACH_COST = 0.5, 0.1
 """How far around the expected motion others are tried, at least (m), and what they cost, in shares
 of the view."""
-GUESS_CELLS, GUESS_SPACING = 6, 0.2
-"""Without an odometer so many translations either way are tried, and so far apart (m)."""
+GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
+"""Without an odometer so many motions are aligned, of so many translations either way, so far apart
+(m)."""
 SAME_WORTH = 1e-6
 """A motion must be better by more, so that rounding does not choose between two as good."""
 PROFILE_WEIGHT = 0.5
@@ -141,18 +144,10 @@ def match_submap(
     kept = aligned = remembered = 0
     known = (scale, directions, odometer, buffers, scores, shifts)
     scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
-    for k in range(MOTIONS):
-        if k == 0 and is_missing:
-            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
-        elif k == 0:
-            widest = min(limits.turn_search, ODD_TURN * scale)
-            search_motions(previous, motion, 0, 0.0, widest, *known)
-        elif not is_missing and k >= ALWAYS and share >= limits.unsure:
+    for k in range(GUESSES if is_missing else MOTIONS):
+        if not is_missing and k >= ALWAYS and share >= limits.unsure:
             break
-        elif not is_missing and k == BY_TURN:
-            reach = max(REACH, 2.0 * shift_scale(odometer, limits))
-            search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
-        score, turn = take_motion(scores, shifts, motion, trial)
+        score, turn = _propose(k, first, previous, motion, limits, *known, trial)
         first = score if k == 0 else first
         is_first_search = not is_missing and k < BY_TURN
         if score == -np.inf or (is_first_search and score < first - NEARLY):
@@ -186,6 +181,43 @@ def match_submap(
     current.pose[1] += y
     current.pose[2] = wrap(current.pose[2] + chosen[2])
     return int(found), float(share)
+
+
+@kernel()
+def _propose(
+    k: int,
+    first: float,
+    previous: LocatedView,
+    motion: np.ndarray,
+    limits: Albot1Limits,
+    scale: float,
+    directions: int,
+    odometer: np.ndarray,
+    buffers: MatchBuffers,
+    scores: np.ndarray,
+    shifts: np.ndarray,
+    trial: np.ndarray,
+) -> tuple[float, float]:
+    """Step 1: propose the motion that is aligned as the `k`-th, as `take_motion` does.
+
+    `first` is the score of the one before all others.
+    """
+    known = (scale, directions, odometer, buffers, scores, shifts)
+    if odometer[HAS_MOVED] == 0.0:
+        if k == 0:
+            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
+    elif k == 0:
+        widest = min(limits.turn_search, ODD_TURN * scale)
+        search_motions(previous, motion, 0, 0.0, widest, *known)
+    elif k == ALWAYS:
+        # The two views may hardly agree under any turn; the map may know better.
+        copy_pose(motion, trial)
+        return first, 0.0
+    elif k == BY_TURN:
+        reach = max(REACH, 2.0 * shift_scale(odometer, limits))
+        search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
+    score, turn = take_motion(scores, shifts, motion, trial)
+    return score, turn
 
 
 @kernel()
