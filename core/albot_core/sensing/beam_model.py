@@ -45,15 +45,16 @@ def nearer_side(ranges: np.ndarray, beam: int) -> float:
 
 
 @kernel()
-def precision_across(square: float, aside: float, model: BeamModel) -> float:
-    """How precisely a point tells where its wall is: about 1 where a near wall is met head on.
+def variance_across(square: float, aside: float, model: BeamModel) -> float:
+    """How imprecisely a point tells where its wall is: its variance across it, times `square`.
 
-    It is the inverse of the point's variance across the wall, in that of a range. `square` is the
-    square of the point's distance from the laser (m²); the wall's line passes the laser `aside`
-    (m). An error of the range moves the point across the wall by its sine of incidence, one of the
-    bearing by the cosine. So a point that a thin beam meets at a grazing angle tells more than
-    another, and one that a wide beam meets so tells less.
+    The variance is in that of a range, so it is about 1 where a near wall is met head on. `square`
+    is the square of the point's distance from the laser (m²), with which the variance is
+    multiplied to save divisions; the wall's line passes the laser `aside` (m). An error of the
+    range moves the point across the wall by its sine of incidence, one of the bearing by the
+    cosine. So a point that a thin beam meets at a grazing angle tells more than another, and one
+    that a wide beam meets so tells less.
     """
-    sine = min(aside * aside / square, 1.0)
-    bearing = (BEARING_NOISE * model.width / RANGE_NOISE) ** 2 * square * (1.0 - sine)
-    return float(1.0 / (sine + bearing + (WALL_NOISE / RANGE_NOISE) ** 2))
+    ahead = max(square - aside * aside, 0.0)
+    bearing = (BEARING_NOISE * model.width / RANGE_NOISE) ** 2
+    return float(aside * aside + square * ((WALL_NOISE / RANGE_NOISE) ** 2 + bearing * ahead))

@@ -7,19 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
-from albot_core.sensing.beam_model import RANGE_NOISE, BeamModel, precision_across
+from albot_core.sensing.beam_model import RANGE_NOISE, BeamModel, variance_across
 
 LEAST_POINTS = 4
 """Each part of a bent span has so many points at least."""
-LEAST_NOISE = 0.5 * RANGE_NOISE
-"""What points deviate from a line by chance, at least (m, standard deviation): the nearest points
-of a wall may happen to lie in line."""
+LEAST_NOISE = RANGE_NOISE
+"""What points deviate from a line by chance, at least (m, standard deviation)."""
 
 
 class Moments(NamedTuple):
-    """Sums over points (x, y), by their weights w."""
+    """Sums over points (x, y)."""
 
-    w: float
+    count: float
     x: float
     y: float
     xx: float
@@ -70,31 +69,26 @@ def fit_line(
 
 
 @kernel()
-def find_bend(
-    points: np.ndarray,
-    first: int,
-    last: int,
-    eye: tuple[float, float],
-    model: BeamModel,
-    significance: float,
-) -> int:
+def find_bend(points: np.ndarray, first: int, last: int, significance: float) -> int:
     """Return the point at which two lines fit points first..last best, or -1 where one will do.
 
     Two are better where the F statistic, of what they explain beyond one by what they leave, is
-    above `significance`. How much points scatter is taken from the points themselves.
+    above `significance`. How much points scatter is taken from the points themselves, as long as
+    it is more than LEAST_NOISE.
     """
     count = last - first + 1
     if count < 2 * LEAST_POINTS:
         return -1
-    aside = _aside(points, first, last, eye)
     total, part = NOTHING, NOTHING
     for i in range(first, last + 1):
-        total = _sum(total, _moments_of(points, first, i, eye, model, aside), 1.0)
+        total = _sum(total, _moments_of(points, first, i), 1.0)
     one = best = _residual(total)
     where = -1
+    if one <= 2.0 * significance * LEAST_NOISE**2:
+        return -1
     for i in range(first, last - LEAST_POINTS + 2):
         rest = _sum(total, part, -1.0)
-        part = _sum(part, _moments_of(points, first, i, eye, model, aside), 1.0)
+        part = _sum(part, _moments_of(points, first, i), 1.0)
         if i - first + 1 >= LEAST_POINTS:
             two = _residual(part) + _residual(rest)
             if two < best:
@@ -119,29 +113,21 @@ def _weight(
     if not model.is_used:
         return 1.0
     square = (points[i, 0] - eye[0]) ** 2 + (points[i, 1] - eye[1]) ** 2
-    return precision_across(square, aside, model)
+    return float(square / variance_across(square, aside, model))
 
 
 @kernel()
-def _moments_of(
-    points: np.ndarray,
-    first: int,
-    i: int,
-    eye: tuple[float, float],
-    model: BeamModel,
-    aside: float,
-) -> Moments:
+def _moments_of(points: np.ndarray, first: int, i: int) -> Moments:
     """The moments of a point, from the point `first`."""
-    w = _weight(points, i, eye, model, aside)
     x, y = points[i, 0] - points[first, 0], points[i, 1] - points[first, 1]
-    return Moments(w, w * x, w * y, w * x * x, w * x * y, w * y * y)
+    return Moments(1.0, x, y, x * x, x * y, y * y)
 
 
 @kernel()
 def _sum(a: Moments, b: Moments, sign: float) -> Moments:
     """The moments of the points of both; with a `sign` of -1 without those of the second."""
     return Moments(
-        a.w + sign * b.w,
+        a.count + sign * b.count,
         a.x + sign * b.x,
         a.y + sign * b.y,
         a.xx + sign * b.xx,
@@ -151,14 +137,11 @@ def _sum(a: Moments, b: Moments, sign: float) -> Moments:
 
 
 @kernel()
-def _scatter(m: Moments) -> tuple[float, float, float]:
-    """The second moments about the mean: of x with x, x with y, and y with y."""
-    return m.xx - m.x * m.x / m.w, m.xy - m.x * m.y / m.w, m.yy - m.y * m.y / m.w
-
-
-@kernel()
 def _residual(m: Moments) -> float:
-    """The weighted sum of squared distances of the points from their line (m²)."""
-    xx, xy, yy = _scatter(m)
-    spread = np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy)
-    return float(max(0.5 * (xx + yy - spread), 0.0))
+    """The sum of squared distances of the points from their line (m²).
+
+    It is the lesser eigenvalue of the scatter, for points in a row: its determinant by its trace.
+    """
+    n = m.count
+    xx, xy, yy = n * m.xx - m.x * m.x, n * m.xy - m.x * m.y, n * m.yy - m.y * m.y
+    return float((xx * yy - xy * xy) / (n * (xx + yy)))

@@ -83,8 +83,6 @@ def segment_points(
     cluster_size: float,
     break_height: float,
     significance: float,
-    eye: tuple[float, float],
-    model: BeamModel,
     stack: np.ndarray,
     spans: np.ndarray,
 ) -> int:
@@ -114,7 +112,7 @@ def segment_points(
             if height <= break_height or max(np.sqrt(dx * dx + dy * dy), height) <= cluster_size:
                 middle = -1
                 if significance > 0.0:
-                    middle = find_bend(points, first, last, eye, model, significance)
+                    middle = find_bend(points, first, last, significance)
             if middle >= 0:
                 stack[depth, 0], stack[depth, 1] = middle, last
                 stack[depth + 1, 0], stack[depth + 1, 1] = first, middle

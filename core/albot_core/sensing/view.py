@@ -145,7 +145,7 @@ def extract_surfaces(
     points, beams, gaps, stack, spans, lines, raw, kept = buffers
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, model, points, beams)
     set_gaps(ranges, directions, beams[:seen], gap, incidence, gaps)
-    formed = segment_points(points, seen, gaps, size, height, bend, eye, model, stack, spans)
+    formed = segment_points(points, seen, gaps, size, height, bend, stack, spans)
     form_surfaces(points, spans, formed, fit, height, eye, model, lines, raw)
     count = ZERO
     for k in range(formed):

@@ -11,21 +11,22 @@ from albot_core.sensing.beam_model import (
     WALL_NOISE,
     BeamModel,
     nearer_side,
-    precision_across,
+    variance_across,
 )
 
 
 @pytest.mark.parametrize("degrees", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("bearing", np.radians([90.0, 45.0, 20.0, 8.0]).tolist())
-def test_precision_is_that_of_drawn_points(bearing: float, degrees: float) -> None:
+def test_the_variance_is_that_of_drawn_points(bearing: float, degrees: float) -> None:
     aside, width = 1.5, np.radians(degrees)
     distance, rng = aside / np.sin(bearing), np.random.default_rng(1)
     ranges = distance + RANGE_NOISE * rng.standard_normal(200_000)
     bearings = bearing + BEARING_NOISE * width * rng.standard_normal(200_000)
     uneven = WALL_NOISE * rng.standard_normal(200_000)
     variance = np.var(ranges * np.sin(bearings) + uneven) / RANGE_NOISE**2
-    precision = precision_across(distance**2, aside, BeamModel(np.radians(1.0), width, True))
-    assert precision * variance == pytest.approx(1.0, rel=0.03)
+    model = BeamModel(np.radians(1.0), width, True)
+    told = variance_across(distance**2, aside, model) / distance**2
+    assert told == pytest.approx(variance, rel=0.03)
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ class Albot1Config:
 
     view: ViewConfig = field(
         default_factory=lambda: ViewConfig(
-            bend_significance=20.0,
+            bend_significance=10.0,
             fit_lines=True,
             grazing_ends=True,
             min_incidence=np.radians(10.0),

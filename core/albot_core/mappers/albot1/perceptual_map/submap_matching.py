@@ -62,7 +62,7 @@ from albot_core.matching.least_squares import (
     solved,
 )
 from albot_core.matching.lines import moved_ends, wrap
-from albot_core.sensing.beam_model import BeamModel, precision_across
+from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.view import NO_EDGE
 
 ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
@@ -108,8 +108,10 @@ POINT_SCALE, POINT_NOISE = 0.08, 0.03
 """Residual (m) at which a point has half its weight (Cauchy weights), and its standard
 deviation."""
 POINT_WEIGHT = 0.5
-"""Weight of a point that is well known (`beams_met`): neighbouring points of a wall err
+"""Weight of a point that is well known (`beams_wanted`): neighbouring points of a wall err
 together."""
+NO_BEAMS = 1e-9
+"""Fewer beams than this are as good as none: the wall's line leads to the laser."""
 ROW, SIDE = 0, 1
 """Columns of `landmarks`, one row a wall in view: the row of `expected` that it is recognised as,
 or -1, and by which end."""
@@ -389,18 +391,20 @@ def _pulled_by_walls(
             if which >= 0:
                 matched += step / (1.0 + (off / scale) ** 2)
                 wx, wy = -expected[which, 7], expected[which, 6]
-                own = weight / (1.0 + (off / scale) ** 2)
+                doubt = 1.0 + (off / scale) ** 2
                 if beam_model.is_used:
-                    own *= min(beams_met(x * x + y * y, passes, beam_model), 1.0)
+                    doubt *= max(beams_wanted(x * x + y * y, passes, beam_model), 1.0)
+                own = weight / doubt
                 equations = pulled_along(equations, x, y, wx, wy, -off, own)
     return equations, matched / max(length, POINT_SPACING)
 
 
 @kernel()
-def beams_met(square: float, aside: float, model: BeamModel) -> float:
-    """How much is known of POINT_SPACING of a wall: its beams, each by its precision.
+def beams_wanted(square: float, aside: float, model: BeamModel) -> float:
+    """How little is known of POINT_SPACING of a wall: by how much its beams weigh too little.
 
-    `square` is the square of its distance from the robot (m²), `aside` that of its line (m).
+    It is 1 where they tell as much as one beam that meets a wall head on. `square` is the square of
+    its distance from the robot (m²), `aside` that of its line (m).
     """
-    beams = POINT_SPACING * abs(aside) / (square * model.spacing)
-    return float(beams * precision_across(square, aside, model))
+    beams_at_one_metre = POINT_SPACING * abs(aside) / model.spacing
+    return float(variance_across(square, aside, model) / max(beams_at_one_metre, NO_BEAMS))

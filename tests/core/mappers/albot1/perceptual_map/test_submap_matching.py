@@ -17,11 +17,11 @@ from albot_core.mappers.albot1.perceptual_map.near_walls import tabulate
 from albot_core.mappers.albot1.perceptual_map.submap import make_match_buffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import (
     POINT_SPACING,
-    beams_met,
+    beams_wanted,
     match_landmarks,
 )
 from albot_core.matching.lines import moved_ends
-from albot_core.sensing.beam_model import BeamModel, precision_across
+from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.reading import LaserGeometry, Reading
 from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
@@ -133,7 +133,7 @@ def test_a_point_of_a_wall_counts_by_the_beams_that_meet_the_wall_around_it(
     around = np.arctan2(aside, ahead + np.array((-0.5, 0.5)) * POINT_SPACING)
     counted = abs(np.diff(around)[0]) / np.radians(degrees)
     model, square = BeamModel(np.radians(degrees), 0.0, True), ahead**2 + aside**2
-    known = beams_met(square, aside, model) / precision_across(square, aside, model)
+    known = variance_across(square, aside, model) / square / beams_wanted(square, aside, model)
     assert known == pytest.approx(counted, rel=0.02)
 
 
