@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, inverse, transform_segments, wrap_angle
+from albot_core.matching.line_merging import merge_lines
 from albot_core.matching.lines import (
     MAX_LINES,
     MatchConfig,
     _pair,
     line_rows,
     match_lines,
-    merge_lines,
 )
 
 ANYWHERE = MatchConfig(max_shift=np.inf, max_turn=np.pi)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int32
 
-from albot_core.geometry.poses import compose, inverse, relative
+from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
@@ -80,43 +80,6 @@ def recognize_place(
     return False
 
 
-def relocalise(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose | None:
-    """Look for the present place of a robot that was carried away among all places known before.
-
-    Returns:
-        How the map must be moved that was made since, so that it joins on to the map before; None
-        where no place is recognised.
-    """
-    network.compared_from = pose.copy()
-    first = network.visits[network.lost_since]
-    known = [place for place in network.places.values() if place.id < first]
-    anywhere = replace(network.config.match, max_shift=np.inf, max_turn=np.pi)
-    found = [
-        (place, match_lines(seen, place.surfaces, network.frame, pose, anywhere)) for place in known
-    ]
-    confirmed = [
-        (place, match)
-        for place, match in found
-        if match.matches >= network.config.min_relocalise_matches
-        and _is_confirmed(network, match, place, pose)
-    ]
-    if not confirmed:
-        return None
-    place, match = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
-    network.log.add_comparison(step, EventKind.RELOCALISED, network.current, place.id, match)
-    learned = network.visit_transforms[network.visits.index(place.id)]
-    motion = compose(compose(learned, place.frame), inverse(match.pose))
-    for unknown in network.places.values():
-        if unknown.id >= first:
-            frame = compose(motion, compose(network.map_to_graph, unknown.frame))
-            unknown.frame = relative(learned, frame)
-    back = compose(relative(learned, motion), network.map_to_graph)
-    network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
-    network.map_to_graph, network.lost_since = learned, 0
-    merge_here(network, step, place, compose(motion, match.pose), compose(motion, pose))
-    return motion
-
-
 def _candidates(
     network: PlaceNetwork,
     reobserved: Int32[np.ndarray, "visits"],
@@ -146,10 +109,10 @@ def _is_same(
     if evidence is not None:
         return evidence.probability >= config.min_probability
     least = config.min_share_here if by_position else config.min_share
-    return match.share >= least and _is_confirmed(network, match, place, pose)
+    return match.share >= least and is_confirmed(network, match, place, pose)
 
 
-def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
+def is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
     """Algorithm 6, and the robot would stand within the place.
 
     A place's description holds what is seen through its exits. So it may be next door otherwise.
