@@ -40,7 +40,7 @@ WORLDS = (
     "random:ring:SEED",
     "random:warehouse:SEED",
 )
-WEIGHTS = "prior", "of match", "of seen", "of known"
+WEIGHTS = "prior", "of match", "of share", "of missing", "of across"
 RIGHT, TURN = 1.5, np.radians(20.0)
 """A hypothesis is right if the robot's position is right to this (m), and its heading (rad)."""
 RIDGE = 1e-3
@@ -52,8 +52,8 @@ BARS = 0.5, 0.8, 0.9, 0.95, 0.99
 class Examples:
     """Comparisons of what lost robots have seen with what they know."""
 
-    features: Float64[np.ndarray, "examples hypotheses 4"]
-    """Of each hypothesis: 1, the matches, and the shares contradicted; NaN where there is none."""
+    features: Float64[np.ndarray, "examples hypotheses 5"]
+    """Of each hypothesis: 1, matches, share, and what contradicts; NaN where there is none."""
     right: Bool[np.ndarray, "examples hypotheses"]
     """Which are right."""
     count: Float64[np.ndarray, "examples"]
@@ -94,14 +94,10 @@ def _compared(world: World, seed: int, repeat: int) -> list[tuple[np.ndarray, np
             return []  # Not noticed.
         if k >= count and mapper.hypotheses and mapper.hypotheses is not before:
             true = relative(world.starts[0], simulator.pose)
-            features, right = np.full((MOST, 4), np.nan), np.zeros(MOST, np.bool_)
+            features, right = np.full((MOST, 5), np.nan), np.zeros(MOST, np.bool_)
             for row, one in enumerate(mapper.hypotheses):
-                features[row] = (
-                    1.0,
-                    one.match.matches,
-                    one.seen_contradicted,
-                    one.known_contradicted,
-                )
+                against = one.missing, float(one.across)
+                features[row] = 1.0, one.match.matches, one.match.share, *against
                 right[row] = _is_right(one, mapper, true)
             rows.append((features, right))
     return rows
@@ -116,14 +112,14 @@ def _is_right(one: Hypothesis, mapper: Albot1, true: Pose) -> bool:
 
 
 def probabilities(
-    examples: Examples, weights: Float64[np.ndarray, "4"]
+    examples: Examples, weights: Float64[np.ndarray, "5"]
 ) -> Float64[np.ndarray, "examples hypotheses"]:
     """How probable each hypothesis is; 0 where there is none."""
     odds = np.exp(np.nan_to_num(examples.features @ weights, nan=-np.inf))
     return np.asarray(odds / (1.0 + odds.sum(axis=1, keepdims=True)))
 
 
-def fit(examples: Examples) -> Float64[np.ndarray, "4"]:
+def fit(examples: Examples) -> Float64[np.ndarray, "5"]:
     """The weights under which what is right is most probable."""
     features = np.nan_to_num(examples.features)
     is_none = ~examples.right.any(axis=1)
@@ -138,7 +134,7 @@ def fit(examples: Examples) -> Float64[np.ndarray, "4"]:
         value = -float(examples.count @ np.log(total)) + RIDGE * weights @ weights
         return value, gradient + 2.0 * RIDGE * weights
 
-    return np.asarray(minimize(loss, np.zeros(4), jac=True, method="BFGS").x)
+    return np.asarray(minimize(loss, np.zeros(5), jac=True, method="BFGS").x)
 
 
 @click.command()

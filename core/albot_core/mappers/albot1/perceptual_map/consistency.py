@@ -36,10 +36,6 @@ SPACING = 0.25
 """Walls are sampled at points so far apart (m)."""
 TOLERANCE = 0.5
 """Where a wall lies and where it is seen may differ by so much (m)."""
-BESIDE, PARALLEL = 0.25, np.cos(np.radians(15.0))
-"""A point lies on a wall that is so near (m) and turned no more (by the cosine)."""
-REACH = 6.0
-"""Walls farther from a lookout are not told to be missing (m): there doorways are narrow."""
 MIN_POINTS = 12
 """With fewer points in view from both, two views count as consistent."""
 
@@ -164,60 +160,3 @@ def range_along(surfaces: np.ndarray, x: float, y: float) -> float:
             if 0.0 < along < nearest:
                 nearest = along
     return nearest if nearest < np.inf else np.nan
-
-
-@kernel(arrays=True)
-def contradicted(
-    walls: np.ndarray, others: np.ndarray, lookouts: np.ndarray, min_length: float
-) -> float:
-    """The share of walls (n, 4) that other walls (m, 4) contradict, of those on which they bear.
-
-    Walls of at least `min_length` (m) are compared, point by point. A point is confirmed where
-    another wall lies, seen from the same side, and contradicted where the others are seen past it
-    from one of the lookouts (k, 2).
-    """
-    agreeing = against = 0
-    around = np.empty((lookouts.shape[0], others.shape[0], 4))
-    for k in range(lookouts.shape[0]):
-        for q in range(others.shape[0]):
-            for i in range(4):
-                around[k, q, i] = others[q, i] - lookouts[k, i % 2]
-    for wall in walls:
-        length = line_length(wall)
-        if length < min_length:
-            continue
-        ux, uy = (wall[2] - wall[0]) / length, (wall[3] - wall[1]) / length
-        parts = max(int(length / SPACING), 1)
-        for part in range(parts):
-            along = (part + 0.5) / parts * length
-            x, y = wall[0] + along * ux, wall[1] + along * uy
-            if _lies_on(x, y, ux, uy, others):
-                agreeing += 1
-            elif _is_seen_past(x, y, lookouts, around):
-                against += 1
-    return against / max(agreeing + against, 1)
-
-
-@kernel()
-def _lies_on(x: float, y: float, ux: float, uy: float, walls: np.ndarray) -> bool:
-    """Whether a point of a wall along (ux, uy) lies on one of walls (n, 4)."""
-    for wall in walls:
-        length = line_length(wall)
-        vx, vy = (wall[2] - wall[0]) / length, (wall[3] - wall[1]) / length
-        dx, dy = x - wall[0], y - wall[1]
-        along, aside = vx * dx + vy * dy, abs(vx * dy - vy * dx)
-        is_beside = aside <= BESIDE and -BESIDE <= along <= length + BESIDE
-        if is_beside and ux * vx + uy * vy >= PARALLEL:
-            return True
-    return False
-
-
-@kernel()
-def _is_seen_past(x: float, y: float, lookouts: np.ndarray, around: np.ndarray) -> bool:
-    """Whether the walls around (k, n, 4) one of the lookouts (k, 2) are seen past a point."""
-    for k in range(lookouts.shape[0]):
-        dx, dy = x - lookouts[k, 0], y - lookouts[k, 1]
-        away = np.sqrt(dx * dx + dy * dy)
-        if away < REACH and (range_along(around[k], dx, dy) - 1.0) * away > TOLERANCE:
-            return True
-    return False

@@ -17,14 +17,16 @@ from jaxtyping import Float64
 from albot_core.geometry.types import Pose
 from albot_core.matching.lines import LineMatch
 
-PRIOR = -1.21
+PRIOR = -3.19
 """Log odds of a hypothesis that has nothing for it, to unknown ground."""
-OF_MATCH = 0.50
+OF_MATCH = 0.51
 """Added for each surface that is the same."""
-OF_SEEN = -7.32
-"""Added if all that was seen since is contradicted by what is known."""
-OF_KNOWN = -20.90
-"""Added if all that is known there is contradicted by what is in view."""
+OF_SHARE = 2.00
+"""Added if all of the smaller description is the same."""
+OF_MISSING = -18.75
+"""Added if all known walls that should be in view are missing."""
+OF_ACROSS = -0.96
+"""Added for each piece of a wall seen that lies across a way known to be free."""
 
 
 class Hypothesis(NamedTuple):
@@ -36,10 +38,10 @@ class Hypothesis(NamedTuple):
     """How their surfaces match."""
     map_to_graph: Pose
     """Where the graph frame would lie in the map (m, rad)."""
-    seen_contradicted: float
-    """The share of the walls seen since it is lost that what is known contradicts."""
-    known_contradicted: float
-    """The share of the known walls that what is in view contradicts."""
+    missing: float
+    """The share of the known walls that are missing in view."""
+    across: int
+    """How many pieces of the walls seen since it is lost lie across ways known to be free."""
     probability: float = 0.0
     """How probable it is, among all hypotheses."""
 
@@ -49,8 +51,9 @@ class Hypothesis(NamedTuple):
         return (
             PRIOR
             + OF_MATCH * self.match.matches
-            + OF_SEEN * self.seen_contradicted
-            + OF_KNOWN * self.known_contradicted
+            + OF_SHARE * self.match.share
+            + OF_MISSING * self.missing
+            + OF_ACROSS * self.across
         )
 
 

@@ -65,7 +65,7 @@ def recognize_place(
         if by_position and match.matches == 0:
             continue  # It stands within many: that it is in none of them is not worth an event.
         evidence = None
-        if network.config.min_probability > 0.0 and _has_structure(match, network.config):
+        if network.config.min_probability > 0.0 and has_structure(match, network.config):
             evidence = weigh(network, match, other, guess, seen, exits, pose)
         accepted = _is_same(network, match, other, evidence, by_position, pose)
         kind = EventKind.RECOGNIZED if accepted else EventKind.REFUSED
@@ -109,23 +109,23 @@ def _is_same(
     if evidence is not None:
         return evidence.probability >= config.min_probability
     least = config.min_share_here if by_position else config.min_share
-    return match.share >= least and is_confirmed(network, match, place, pose)
+    return match.share >= least and _is_confirmed(network, match, place, pose)
 
 
-def is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
+def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
     """Algorithm 6, and the robot would stand within the place.
 
     A place's description holds what is seen through its exits. So it may be next door otherwise.
     """
     config = network.config
     return (
-        _has_structure(match, config)
+        has_structure(match, config)
         and match.share >= config.min_share
         and place.holds(relative(match.pose, pose)[:2])
     )
 
 
-def _has_structure(match: LineMatch, config: PlacesConfig) -> bool:
+def has_structure(match: LineMatch, config: PlacesConfig) -> bool:
     """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot."""
     return match.matches > config.min_matches and min(match.left, match.right) > 0
 

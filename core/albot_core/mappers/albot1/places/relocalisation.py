@@ -15,14 +15,15 @@ from albot_core.geometry.poses import (
     transform_segments,
 )
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.albot1.perceptual_map.consistency import contradicted
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.mappers.albot1.places.contradictions import count_across, share_missing
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.evidence import NEAREST, lengthened, share_in_sight
 from albot_core.mappers.albot1.places.hypothesis import Hypothesis, weighed
 from albot_core.mappers.albot1.places.merging import merge_here
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace
-from albot_core.mappers.albot1.places.recognition import is_confirmed
+from albot_core.mappers.albot1.places.recognition import has_structure
 from albot_core.matching.lines import ALIKE, LineMatch, is_near, match_everywhere, match_lines
 
 MATCHES = 5
@@ -30,9 +31,7 @@ MATCHES = 5
 MOST = 12
 """So many hypotheses are weighed, those by which most surfaces are the same."""
 NEARBY = 20.0
-"""Known walls with their middle so near to the robot are compared (m)."""
-LOOKOUTS = 40
-"""From so many known breadcrumbs, the nearest to the robot, known walls are looked at."""
+"""Known walls and ways with their middle so near to the robot are compared (m)."""
 
 Point = Float64[np.ndarray, "2"]
 
@@ -50,6 +49,8 @@ class Known(NamedTuple):
     """The breadcrumbs dropped there."""
     crumb_places: Int64[np.ndarray, "points"]
     """The id of the place that each is in."""
+    ways: Segments
+    """The ways between breadcrumbs linked there, which are free."""
 
     @classmethod
     def of(cls, network: PlaceNetwork) -> Known:
@@ -57,18 +58,22 @@ class Known(NamedTuple):
         first, crumbs = network.visits[network.lost_since], network.breadcrumbs
         places = [place for place in network.places.values() if place.id < first]
         is_known = np.isin(crumbs.places, [place.id for place in places])
+        ends = crumbs.tree.links[:, :2].astype(int)
+        ways = crumbs.points[ends[is_known[ends].all(axis=1)]]
         return cls(
             places=places,
             walls=np.concatenate([transform_segments(p.frame, p.surfaces) for p in places]),
             exits=np.concatenate([transform_segments(p.frame, p.exit_lines) for p in places]),
             crumbs=crumbs.points[is_known],
             crumb_places=crumbs.places[is_known],
+            ways=ways.reshape(-1, 4),
         )
 
-    def walls_near(self, point: Point) -> Segments:
-        """The walls with their middle near a point (m)."""
-        middles = 0.5 * (self.walls[:, :2] + self.walls[:, 2:])
-        return np.asarray(self.walls[np.hypot(*(middles - point).T) < NEARBY])
+
+def _near(lines: Segments, point: Point) -> Float64[np.ndarray, "near 4"]:
+    """The lines with their middle near a point (m)."""
+    middles = 0.5 * (lines[:, :2] + lines[:, 2:])
+    return np.asarray(lines[np.hypot(*(middles - point).T) < NEARBY])
 
 
 class Sight(NamedTuple):
@@ -108,8 +113,7 @@ def relocalise(network: PlaceNetwork, step: int, sight: Sight) -> Pose | None:
     if place is None:
         return None
     match = _match_there(network, likeliest, place, sight)
-    is_alike = match.matches >= network.config.min_relocalise_matches
-    if not (is_alike and is_confirmed(network, match, place, pose)):
+    if not _is_alike(match, network.config):
         return None
     network.log.add_comparison(
         step,
@@ -148,22 +152,15 @@ def find_hypotheses(network: PlaceNetwork, known: Known, sight: Sight) -> tuple[
 
 def _contradictions(
     known: Known, map_to_graph: Pose, sight: Sight, min_length: float
-) -> tuple[float, float]:
-    """The shares of walls that contradict a hypothesis: of those seen, and of those known."""
+) -> tuple[float, int]:
+    """What speaks against a hypothesis: the share of walls missing, and the pieces across ways."""
     here, to_graph = relative(map_to_graph, sight.pose)[:2], inverse(map_to_graph)
     seen, view = (transform_segments(to_graph, walls) for walls in (sight.seen, sight.view))
-    walls = known.walls_near(here)
+    walls, ways = _near(known.walls, here), _near(known.ways, here)
     return (
-        contradicted(
-            seen, walls, known.crumbs[_nearest(known.crumbs, here)[:LOOKOUTS]], min_length
-        ),
-        contradicted(walls, view, here[None], min_length),
+        share_missing(walls, view, here, min_length),
+        count_across(seen, walls, ways, min_length),
     )
-
-
-def _nearest(points: Points, here: Point) -> Int64[np.ndarray, "points"]:
-    """The numbers of points (n, 2), the nearest first."""
-    return np.argsort(np.hypot(*(points - here).T), kind="stable")
 
 
 def _place_around(
@@ -174,13 +171,21 @@ def _place_around(
     None where none of the nearest is in sight: then it would be where it has never been. But where
     all breadcrumbs of the place that matches are forgotten, that place is taken.
     """
-    here = relative(hypothesis.map_to_graph, pose)[:2]
-    lines = np.concatenate((known.walls_near(here), lengthened(known.exits)))
-    for which in _nearest(known.crumbs, here)[:NEAREST].tolist():
+    in_graph = relative(hypothesis.map_to_graph, pose)
+    around = {
+        place.id: place
+        for place in known.places
+        if place.holds(relative(place.frame, in_graph)[:2])
+    }
+    here = in_graph[:2]
+    lines = np.concatenate((_near(known.walls, here), lengthened(known.exits)))
+    order = np.argsort(np.hypot(*(known.crumbs - here).T), kind="stable")
+    within = order[np.isin(known.crumb_places[order], list(around))]
+    for which in within[:NEAREST].tolist():
         if share_in_sight(lines, known.crumbs[which][None], here[None]):
-            return network.places[int(known.crumb_places[which])]
+            return around[int(known.crumb_places[which])]
     is_forgotten = hypothesis.place not in known.crumb_places
-    return network.places[hypothesis.place] if is_forgotten else None
+    return around.get(hypothesis.place) if is_forgotten else None
 
 
 def _match_there(
@@ -190,6 +195,13 @@ def _match_there(
     guess = compose(hypothesis.map_to_graph, place.frame)
     near = replace(network.config.match, max_shift=ALIKE.max_shift, max_turn=ALIKE.max_turn)
     return match_lines(sight.seen, place.surfaces, guess, sight.pose, near)
+
+
+def _is_alike(match: LineMatch, config: PlacesConfig) -> bool:
+    """Whether the place looks like what was seen: the thesis's rule, for more surfaces."""
+    least = 0.0 if config.min_probability > 0.0 else config.min_share
+    enough = match.matches >= config.min_relocalise_matches and match.share >= least
+    return enough and has_structure(match, config)
 
 
 def _join(network: PlaceNetwork, step: int, place: LearnedPlace, found: Pose, pose: Pose) -> Pose:
