@@ -56,3 +56,10 @@ def test_albot1_notices():
     assert told["false_alarm"] == 0
     assert told["noticed"] >= 6
     assert told["found"] + told["mistaken"] <= told["noticed"]
+
+
+def test_readings_after_the_move_are_as_many_as_asked():
+    few = measure("random:office:SEED?rooms=8", range(7000, 7001), "albot1", 5)
+    assert few["readings_after"] == 5
+    assert few["runs"][0]["lost"]
+    assert not measure("random:office:SEED?rooms=8", range(7000, 7001), "albot1")["runs"][0]["lost"]
