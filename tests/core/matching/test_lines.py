@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, inverse, transform_segments, wrap_angle
+from albot_core.matching import lines
 from albot_core.matching.line_merging import merge_lines
 from albot_core.matching.lines import (
     MAX_LINES,
@@ -210,3 +211,13 @@ def test_all_spots_at_which_a_place_may_be_are_found_the_best_first():
     assert only.matches == best.matches
     np.testing.assert_array_equal(only.pose, best.pose)
     assert match_everywhere(mine, place[:0], np.zeros(3), ANYWHERE, 3) == []
+
+
+def test_a_better_pose_stands_for_all_that_are_alike():
+    best = np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [9.0, 9.0, 0.0]])
+    most, robot = np.array([3, 4, 1]), np.zeros(3)
+    assert not lines._keep(np.array([0.7, 0.0, 0.0]), 4, robot, lines.ALIKE, best, most)
+    assert lines._keep(np.array([0.7, 0.0, 0.0]), 5, robot, lines.ALIKE, best, most)
+    assert sorted(most.tolist()) == [0, 1, 5]
+    assert lines._keep(np.array([-9.0, 0.0, 0.0]), 2, robot, lines.ALIKE, best, most)
+    assert sorted(most.tolist()) == [1, 2, 5]
