@@ -4,10 +4,9 @@
 
 Robots are carried away as in `kidnapped_robots.py`, N times in each world, and never believe to
 know where they are. Every comparison with what they know is an example: its hypotheses, and which
-of them are right; none of them is where the robot is on unknown ground, and mostly where the walls
-that it knows are too few. The weights are those under which what is right is most probable.
-Comparisons of one robot are alike: together they weigh 1. The weights are the constants of
-`albot_core.mappers.albot1.places.hypothesis`.
+of them are right. None is right where the robot is on unknown ground. The weights are those under
+which what is right is most probable. Comparisons of one robot are alike: together they weigh 1. The
+weights are the constants of `albot_core.mappers.albot1.places.hypothesis`.
 """
 
 from __future__ import annotations
@@ -43,6 +42,8 @@ WORLDS = (
 WEIGHTS = "prior", "of match", "of share", "of missing", "of across"
 RIGHT, TURN = 1.5, np.radians(20.0)
 """A hypothesis is right if the robot's position is right to this (m), and its heading (rad)."""
+NEVER = 1_000_000
+"""No place has so many surfaces: a robot that asks for them stays lost."""
 RIDGE = 1e-3
 """Penalty of the squares of the weights."""
 BARS = 0.5, 0.8, 0.9, 0.95, 0.99
@@ -80,7 +81,7 @@ def gather(worlds: tuple[str, ...], seeds: range, repeats: int) -> Examples:
 
 def _compared(world: World, seed: int, repeat: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """The comparisons of one robot: its hypotheses' features, and which are right."""
-    places = replace(Albot1Config().places, min_probability=1.0)
+    places = replace(Albot1Config().places, min_relocalise_matches=NEVER)
     mapper = Albot1(replace(Albot1Config(), places=places))
     rng = np.random.default_rng([seed, repeat])
     count, simulator = int(rng.integers(*BEFORE)), Simulator(world, movables=False)

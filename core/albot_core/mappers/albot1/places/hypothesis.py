@@ -17,15 +17,15 @@ from jaxtyping import Float64
 from albot_core.geometry.types import Pose
 from albot_core.matching.lines import LineMatch
 
-PRIOR = -3.19
+PRIOR = -3.20
 """Log odds of a hypothesis that has nothing for it, to unknown ground."""
-OF_MATCH = 0.51
+OF_MATCH = 0.52
 """Added for each surface that is the same."""
-OF_SHARE = 2.00
+OF_SHARE = 1.98
 """Added if all of the smaller description is the same."""
-OF_MISSING = -18.75
+OF_MISSING = -18.74
 """Added if all known walls that should be in view are missing."""
-OF_ACROSS = -0.96
+OF_ACROSS = -0.94
 """Added for each piece of a wall seen that lies across a way known to be free."""
 
 
