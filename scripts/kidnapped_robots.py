@@ -1,10 +1,11 @@
 """How often a kidnapped robot notices that it was moved, and finds out where to.
 
-    python scripts/kidnapped_robots.py [--worlds SPEC] [--seeds A..B] [--mapper NAME] [--json FILE]
+    python scripts/kidnapped_robots.py [--worlds SPEC] [--seeds A..B] [--mapper NAME] [--after N]
+        [--json FILE]
 
 In each world the robot is guided from room to room. After 120 to 259 readings it is put down in
 another room, with another heading, and its odometer says that it stands still. Then it is guided
-on for 60 readings. Counted are the robots that
+on for 60 readings, or as many as asked. Counted are the robots that
 
 - give a *false alarm*: they believe to be lost before they were moved;
 - *notice*: they believe to be lost at one of the next three readings;
@@ -74,8 +75,8 @@ class Kidnapping:
         return self.noticed and not self.lost and self.error > RIGHT
 
 
-def kidnap(world: World, seed: int, mapper: str) -> Kidnapping:
-    """Guide a robot through a world, move it, and guide it on.
+def kidnap(world: World, seed: int, mapper: str, after: int = AFTER) -> Kidnapping:
+    """Guide a robot through a world, move it, and guide it on for `after` readings.
 
     Raises:
         InputError: The mapper is unknown, or the world has fewer than two rooms to stop in.
@@ -83,7 +84,7 @@ def kidnap(world: World, seed: int, mapper: str) -> Kidnapping:
     made, rng = make_mapper(mapper), np.random.default_rng(seed)
     count, simulator = int(rng.integers(*BEFORE)), Simulator(world, movables=False)
     lost = []
-    for reading in _moved_after(count, simulator, rng):
+    for reading in moved_after(count, simulator, rng, after):
         made.update(reading)
         lost.append(not made.estimate.localised)
     believed = relative(made.estimate.home, made.estimate.pose)
@@ -98,10 +99,12 @@ def kidnap(world: World, seed: int, mapper: str) -> Kidnapping:
     )
 
 
-def _moved_after(count: int, simulator: Simulator, rng: np.random.Generator) -> Iterator[Reading]:
-    """Yield `count` readings, move the robot, and yield `AFTER` more."""
+def moved_after(
+    count: int, simulator: Simulator, rng: np.random.Generator, after: int
+) -> Iterator[Reading]:
+    """Yield `count` readings, move the robot, and yield `after` more."""
     yield from islice(patrol(simulator, rng), count)
-    yield from islice(patrol(simulator, rng, _elsewhere(simulator, rng)), AFTER)
+    yield from islice(patrol(simulator, rng, _elsewhere(simulator, rng)), after)
 
 
 def _elsewhere(simulator: Simulator, rng: np.random.Generator) -> Pose:
@@ -112,14 +115,21 @@ def _elsewhere(simulator: Simulator, rng: np.random.Generator) -> Pose:
     return np.array((*stops.point(int(room), rng), rng.uniform(-np.pi, np.pi)))
 
 
-def measure(worlds: str, seeds: range, mapper: str) -> dict[str, Any]:
+def measure(worlds: str, seeds: range, mapper: str, after: int = AFTER) -> dict[str, Any]:
     """Kidnap a robot in each world; return the counts."""
-    done = [kidnap(load_world(worlds.replace("SEED", str(seed))), seed, mapper) for seed in seeds]
+    done = [
+        kidnap(load_world(worlds.replace("SEED", str(seed))), seed, mapper, after) for seed in seeds
+    ]
     counts = {
         name: sum(getattr(one, name) for one in done)
         for name in ("false_alarm", "noticed", "found", "mistaken")
     }
-    told = {"mapper": mapper, "worlds": worlds, "seeds": f"{seeds[0]}..{seeds[-1]}"}
+    told = {
+        "mapper": mapper,
+        "worlds": worlds,
+        "seeds": f"{seeds[0]}..{seeds[-1]}",
+        "readings_after": after,
+    }
     return {**told, "count": len(done), **counts, "runs": [asdict(one) for one in done]}
 
 
@@ -132,10 +142,17 @@ def measure(worlds: str, seeds: range, mapper: str) -> dict[str, Any]:
 )
 @click.option("--seeds", default="7100..7159", show_default=True)
 @click.option("--mapper", default="albot1", show_default=True)
+@click.option(
+    "--after",
+    default=AFTER,
+    show_default=True,
+    type=click.IntRange(SOON),
+    help="Readings after the robot was moved.",
+)
 @click.option("--json", "out", type=PathType(), help="File for the figures.")
-def main(worlds: str, seeds: str, mapper: str, out: Path | None) -> None:
+def main(worlds: str, seeds: str, mapper: str, after: int, out: Path | None) -> None:
     """Count the kidnapped robots that notice it, and those that find out where they are."""
-    found = measure(worlds, parse_seeds(seeds), mapper)
+    found = measure(worlds, parse_seeds(seeds), mapper, after)
     if out is not None:
         write_text(out, json.dumps(found, indent=2) + "\n")
     low, high = wilson(found["noticed"], found["count"])

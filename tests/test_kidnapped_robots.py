@@ -8,7 +8,7 @@ import pytest
 from albot_core.geometry.poses import relative
 from albot_env.sim.simulator import Simulator
 from albot_maps import load_world
-from kidnapped_robots import AFTER, Kidnapping, _moved_after, kidnap, measure
+from kidnapped_robots import AFTER, Kidnapping, kidnap, measure, moved_after
 
 WORLD = "random:office:7000?rooms=4"
 
@@ -17,7 +17,7 @@ def test_the_robot_is_moved_to_another_room_and_its_odometer_does_not_tell():
     world = load_world(WORLD)
     simulator, rng = Simulator(world, movables=False), np.random.default_rng(1)
     poses, motions = [], []
-    for reading in _moved_after(20, simulator, rng):
+    for reading in moved_after(20, simulator, rng, AFTER):
         poses.append(simulator.pose)
         motions.append(reading.motion)
     assert len(poses) == 20 + AFTER
@@ -56,3 +56,10 @@ def test_albot1_notices():
     assert told["false_alarm"] == 0
     assert told["noticed"] >= 6
     assert told["found"] + told["mistaken"] <= told["noticed"]
+
+
+def test_readings_after_the_move_are_as_many_as_asked():
+    few = measure("random:office:SEED?rooms=8", range(7000, 7001), "albot1", 5)
+    assert few["readings_after"] == 5
+    assert few["runs"][0]["lost"]
+    assert not measure("random:office:SEED?rooms=8", range(7000, 7001), "albot1")["runs"][0]["lost"]

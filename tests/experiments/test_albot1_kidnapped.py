@@ -22,14 +22,17 @@ def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey)
     for reading in ring_journey.readings[:109]:
         mapper.update(reading)
     assert mapper.estimate.localised
-    lost = []
+    lost, weighed = [], []
     for reading in ring_journey.readings[65:85]:  # out of P6 back into P4
         mapper.update(reading)
         lost.append(not mapper.estimate.localised)
+        weighed.append(mapper.hypotheses)
         assert np.isfinite(mapper.estimate.pose).all()
         assert np.isfinite(mapper.snapshot().segments).all()
     assert lost.index(True) == 1
     assert not lost[-1]
+    assert any(weighed)
+    assert not any(weighed[k] for k in range(20) if not lost[k])
     assert {EventKind.LOST, EventKind.RELOCALISED} <= set(what_happened(mapper))
     home = relative(ring_journey.truth[84], ring_journey.truth[0])
     assert np.hypot(*(mapper.estimate.home_from_robot - home)[:2]) < 1.0

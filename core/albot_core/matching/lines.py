@@ -30,8 +30,6 @@ ROUNDS = 3
 """Number of times that the pose is refined."""
 MIN_OVERLAP = 0.3
 """Two lines overlap if they share at least this part of the shorter one's length."""
-REPLACED_FROM = 0.8
-"""A new line replaces a remembered one if it has at least this share of its length."""
 
 
 class MatchLimits(NamedTuple):
@@ -42,6 +40,10 @@ class MatchLimits(NamedTuple):
     max_angle: float
     max_shift: float
     max_turn: float
+
+
+ALIKE = MatchLimits(0.0, 0.0, 0.0, max_shift=1.0, max_turn=float(np.radians(20.0)))
+"""Two matches within these limits, seen from the robot, are one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,24 +101,63 @@ def match_lines(
         robot: The robot's pose, in the map's frame.
         config: When lines and places match.
     """
-    pose, counts, limits = np.array(guess, float), np.zeros(3, np.int64), config.limits
-    share = _match(
-        line_rows(mine, config), line_rows(theirs, config), guess, robot, limits, pose, counts
-    )
+    here, there, limits = line_rows(mine, config), line_rows(theirs, config), config.limits
+    poses = np.array(guess, float)[None]
+    most = np.zeros(1, np.int64)
+    _search(here, there, guess, robot, limits, ALIKE, poses, most)
+    return _refined(here, there, poses[0], int(most[0]), robot, limits)
+
+
+def match_everywhere(
+    mine: Segments, theirs: Segments, robot: Pose, config: MatchConfig, count: int
+) -> list[LineMatch]:
+    """Find the best matches of a place that may be anywhere, the best first.
+
+    They differ in where the robot is in the place: by more than 1 m or 20° (ALIKE).
+
+    Args:
+        mine: Lines of the present place (n, 4), in the map's frame (m).
+        theirs: Lines of the remembered place (m, 4), in its own frame (m).
+        robot: The robot's pose, in the map's frame.
+        config: When lines match; its limits of where the place is do not count.
+        count: How many matches are looked for; fewer may be found.
+    """
+    here, there = line_rows(mine, config), line_rows(theirs, config)
+    limits = config.limits._replace(max_shift=np.inf, max_turn=np.pi)
+    poses, most = np.zeros((count, 3)), np.zeros(count, np.int64)
+    _search(here, there, np.zeros(3), robot, limits, ALIKE, poses, most)
+    return [
+        _refined(here, there, poses[k], int(most[k]), robot, limits)
+        for k in np.argsort(-most, kind="stable")
+        if most[k] > 0
+    ]
+
+
+def _refined(
+    here: Float64[np.ndarray, "n 8"],
+    there: Float64[np.ndarray, "m 8"],
+    pose: Pose,
+    most: int,
+    robot: Pose,
+    limits: MatchLimits,
+) -> LineMatch:
+    """Return the match of two places' rows near a pose under which `most` lines are the same."""
+    counts = np.zeros(3, np.int64)
+    share = _refine_match(here, there, robot, limits, pose, counts) if most else 0.0
     return LineMatch(pose, int(counts[0]), int(counts[1]), int(counts[2]), float(share))
 
 
 def line_rows(lines: Segments, config: MatchConfig) -> Float64[np.ndarray, "n 8"]:
     """Return the rows of the lines that are compared: the longest, in their order (m; n, 8)."""
     rows = np.empty((len(lines), 8))
-    rows = rows[: _describe_all(np.ascontiguousarray(lines), config.min_length, rows)]
+    rows = rows[: describe_all(np.ascontiguousarray(lines), config.min_length, rows)]
     if len(rows) > MAX_LINES:
         rows = rows[np.sort(np.argsort(-rows[:, 4], kind="stable")[:MAX_LINES])]
     return rows
 
 
 @kernel()
-def _describe_all(lines: np.ndarray, min_length: float, rows: np.ndarray) -> int:
+def describe_all(lines: np.ndarray, min_length: float, rows: np.ndarray) -> int:
     """Fill the rows of the lines of at least this length; return their number."""
     kept = 0
     for k in range(lines.shape[0]):
@@ -127,19 +168,16 @@ def _describe_all(lines: np.ndarray, min_length: float, rows: np.ndarray) -> int
 
 
 @kernel(arrays=True)
-def _match(
+def _refine_match(
     mine: np.ndarray,
     theirs: np.ndarray,
-    guess: np.ndarray,
     robot: np.ndarray,
     limits: MatchLimits,
     best: np.ndarray,
     counts: np.ndarray,
 ) -> float:
-    """Match rows as `match_lines` does: set the best pose and the counts; return the share."""
+    """Refine a pose and count the lines that are the same under it; return their share."""
     pairs = np.empty(theirs.shape[0], np.int64)
-    if _search(mine, theirs, guess, robot, limits, best, pairs) == 0:
-        return 0.0
     for _ in range(ROUNDS):
         _pair(mine, theirs, best, limits, -1, pairs)
         _refine(mine, theirs, pairs, best)
@@ -154,11 +192,12 @@ def _search(
     guess: np.ndarray,
     robot: np.ndarray,
     limits: MatchLimits,
+    alike: MatchLimits,
     best: np.ndarray,
-    pairs: np.ndarray,
-) -> int:
-    """Set the pose under which most lines are the same; return how many."""
-    pose, most = np.empty(3), 0
+    most: np.ndarray,
+) -> None:
+    """Set the poses (n, 3), no two alike, under which most lines are the same, and how many."""
+    pose, pairs, last = np.empty(3), np.empty(theirs.shape[0], np.int64), np.argmin(most)
     for j in range(mine.shape[0]):
         for k in range(theirs.shape[0]):
             if abs(wrap(wrap(mine[j, 5] - theirs[k, 5]) - guess[2])) > limits.max_turn:
@@ -167,12 +206,32 @@ def _search(
                 lay_on(mine[j], theirs[k], anchor, pose)
                 if not is_near(pose, guess, robot, limits):
                     continue
-                found = _pair(mine, theirs, pose, limits, most, pairs)
-                if found > most:
-                    most = found
-                    for i in range(3):
-                        best[i] = pose[i]
-    return most
+                found = _pair(mine, theirs, pose, limits, most[last], pairs)
+                if found > most[last] and _keep(pose, found, robot, alike, best, most):
+                    last = np.argmin(most)
+
+
+@kernel()
+def _keep(
+    pose: np.ndarray,
+    found: int,
+    robot: np.ndarray,
+    alike: MatchLimits,
+    best: np.ndarray,
+    most: np.ndarray,
+) -> bool:
+    """Keep a pose instead of those alike, or of the worst; false where one alike is as good."""
+    slot = int(np.argmin(most))
+    for q in range(most.shape[0]):
+        if most[q] >= found and is_near(pose, best[q], robot, alike):
+            return False
+    for q in range(most.shape[0]):
+        if most[q] > 0 and is_near(pose, best[q], robot, alike):
+            most[q], slot = 0, q
+    most[slot] = found
+    for i in range(3):
+        best[slot, i] = pose[i]
+    return True
 
 
 @kernel()
@@ -277,42 +336,6 @@ def _count_sides(
     for k in range(mine.shape[0]):
         total_mine += mine[k, 4]
     return same / min(total_mine, total_theirs)
-
-
-def merge_lines(
-    old: Float64[np.ndarray, "old 4"], new: Float64[np.ndarray, "new 4"], config: MatchConfig
-) -> Float64[np.ndarray, "both 4"]:
-    """Return the lines of a description merged with new ones, all in one frame (m).
-
-    Of two lines that are the same, the new one is kept unless it is much shorter.
-    """
-    old_rows, new_rows = np.empty((len(old), 8)), np.empty((len(new), 8))
-    _describe_all(np.ascontiguousarray(old), 0.0, old_rows)
-    _describe_all(np.ascontiguousarray(new), 0.0, new_rows)
-    keep_old, keep_new = np.ones(len(old), np.bool_), np.ones(len(new), np.bool_)
-    _merge(old_rows, new_rows, config.limits, keep_old, keep_new)
-    return np.concatenate((old[keep_old], new[keep_new]))
-
-
-@kernel()
-def _merge(
-    old: np.ndarray,
-    new: np.ndarray,
-    limits: MatchLimits,
-    keep_old: np.ndarray,
-    keep_new: np.ndarray,
-) -> None:
-    for q in range(new.shape[0]):
-        ends = new[q, 0], new[q, 1], new[q, 2], new[q, 3]
-        for k in range(old.shape[0]):
-            if not keep_old[k] or abs(wrap(new[q, 5] - old[k, 5])) >= 2 * limits.max_angle:
-                continue
-            if beside(old[k], ends, new[q, 4]) >= limits.max_gap:
-                continue
-            if new[q, 4] >= REPLACED_FROM * old[k, 4]:
-                keep_old[k] = False
-            else:
-                keep_new[q] = False
 
 
 # Lines as rows, and what comparisons need of them.

@@ -10,13 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, inverse, transform_segments, wrap_angle
+from albot_core.matching import lines
+from albot_core.matching.line_merging import merge_lines
 from albot_core.matching.lines import (
     MAX_LINES,
     MatchConfig,
     _pair,
     line_rows,
+    match_everywhere,
     match_lines,
-    merge_lines,
 )
 
 ANYWHERE = MatchConfig(max_shift=np.inf, max_turn=np.pi)
@@ -189,3 +191,33 @@ def test_joining_what_is_known_adds_nothing(seed):
     some = walls(np.random.default_rng(seed), 6, (1.0, 2.0))
     apart = some + np.tile(np.repeat(np.arange(6) * 10.0, 2).reshape(6, 2), (1, 2))
     assert len(merge_lines(apart, apart, ANYWHERE)) == 6
+
+
+def test_all_spots_at_which_a_place_may_be_are_found_the_best_first():
+    rng = np.random.default_rng(3)
+    starts = rng.uniform(-3, 3, (8, 2))
+    place = np.concatenate((starts, starts + rng.uniform(-2, 2, (8, 2))), axis=1)
+    spots = [np.array([0.0, 0.0, 0.0]), np.array([30.0, 5.0, 1.0]), np.array([-20.0, 9.0, -2.0])]
+    mine = np.concatenate(
+        [transform_segments(spot, place[k:]) for k, spot in enumerate(spots)], axis=0
+    )
+    found = match_everywhere(mine, place, np.zeros(3), ANYWHERE, 4)
+    assert [match.matches for match in found[:3]] == [8, 7, 6]
+    for match, spot in zip(found[:3], spots, strict=False):
+        np.testing.assert_allclose(match.pose, spot, atol=1e-6)
+    assert len(found) <= 4
+    best = match_lines(mine, place, np.zeros(3), np.zeros(3), ANYWHERE)
+    (only,) = match_everywhere(mine, place, np.zeros(3), ANYWHERE, 1)
+    assert only.matches == best.matches
+    np.testing.assert_array_equal(only.pose, best.pose)
+    assert match_everywhere(mine, place[:0], np.zeros(3), ANYWHERE, 3) == []
+
+
+def test_a_better_pose_stands_for_all_that_are_alike():
+    best = np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [9.0, 9.0, 0.0]])
+    most, robot = np.array([3, 4, 1]), np.zeros(3)
+    assert not lines._keep(np.array([0.7, 0.0, 0.0]), 4, robot, lines.ALIKE, best, most)
+    assert lines._keep(np.array([0.7, 0.0, 0.0]), 5, robot, lines.ALIKE, best, most)
+    assert sorted(most.tolist()) == [0, 1, 5]
+    assert lines._keep(np.array([-9.0, 0.0, 0.0]), 2, robot, lines.ALIKE, best, most)
+    assert sorted(most.tolist()) == [1, 2, 5]

@@ -87,7 +87,8 @@ class PlacesConfig:
     tolerance: float = 0.40
     """Where map and alignment differ by less (m), the map is left as it is."""
     min_relocalise_matches: int = 7
-    """A robot that was carried away recognises a place by at least so many surfaces."""
+    """A robot that was carried away recognises a place by at least so many surfaces; and it must be
+    so probable that it is there as `min_probability` says (`places/hypothesis.py`)."""
     max_surfaces: int = 1024
     """Surfaces of a place's description; those seen last are kept. Without a
     limit, a robot that drifts as it comes back would describe each wall again beside itself."""

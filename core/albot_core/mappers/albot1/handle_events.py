@@ -28,11 +28,8 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 from albot_core.mappers.albot1.places.exits import ExitMemory, leave_exits
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import reversed_line
-from albot_core.mappers.albot1.places.recognition import (
-    candidate_gates,
-    recognize_place,
-    relocalise,
-)
+from albot_core.mappers.albot1.places.recognition import candidate_gates, recognize_place
+from albot_core.mappers.albot1.places.relocalisation import Sight, relocalise
 from albot_core.mappers.albot1.places.visits import (
     begin_visit,
     drop_candidates,
@@ -41,10 +38,10 @@ from albot_core.mappers.albot1.places.visits import (
     move_visits,
     renumber_visits,
     reset_candidates,
-    seen_in_visit,
+    seen_since,
 )
 from albot_core.mappers.albot1.step import BREADCRUMB, CROSSED, KIDNAPPED, REVISITING
-from albot_core.matching.lines import merge_lines
+from albot_core.matching.line_merging import merge_lines
 
 FORGET_VISITS_EVERY = 128
 """At each so many visits those are forgotten that no longer matter."""
@@ -100,7 +97,8 @@ def _cross_exit(robot: RobotMemory, limits: Albot1Limits) -> None:
     line = crossing[:4] if crossing[4] > 0 else reversed_line(crossing[:4])
     _forget_visits(robot)
     exits = robot.exits.lines[: robot.exits.counts[0]]
-    robot.network.remember_place(robot.step, line, seen_in_visit(pm), view.pose, exits)
+    seen = seen_since(pm, int(pm.counts[VISIT]))
+    robot.network.remember_place(robot.step, line, seen, view.pose, exits)
     leave_exits(robot.exits, *view.pose[:2])
     begin_visit(pm, candidate_gates(robot.network, view.pose))
     enter_place(pm, view, limits)  # Alg. 5, line 16
@@ -129,14 +127,15 @@ def _compare(robot: RobotMemory) -> None:
     reobserved[:, GATE] = candidate_gates(network, pose)
     drop_candidates(pm)
     exits = robot.exits.lines[: robot.exits.counts[0]]
-    if recognize_place(network, step, reobserved, _seen_here(robot), exits, pose):
+    seen = _seen_from(robot, int(pm.counts[VISIT]))
+    if recognize_place(network, step, reobserved, seen, exits, pose):
         reset_candidates(pm, candidate_gates(network, pose))
 
 
-def _seen_here(robot: RobotMemory) -> Segments:
-    """The surfaces that it has seen in its present visit, with those in view (map frame)."""
+def _seen_from(robot: RobotMemory, visit: int) -> Segments:
+    """The surfaces that it has seen from a visit on, with those in view (map frame)."""
     view = transform_segments(robot.view.pose, robot.walls)
-    return merge_lines(seen_in_visit(robot.pm), view, robot.network.config.match)
+    return merge_lines(seen_since(robot.pm, visit), view, robot.network.config.match)
 
 
 def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
@@ -155,10 +154,12 @@ def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
 
 
 def _relocalise(robot: RobotMemory) -> None:
-    """Compare the present place of a robot that was carried away with all that it knows."""
+    """Compare all that a robot has seen since it was carried away with all that it knows."""
     pm, view, network = robot.pm, robot.view, robot.network
     first = network.lost_since
-    motion = relocalise(network, robot.step, _seen_here(robot), view.pose)
+    in_view = transform_segments(view.pose, robot.walls)
+    sight = Sight(seen=_seen_from(robot, first), view=in_view, pose=view.pose)
+    motion = relocalise(network, robot.step, sight)
     if motion is None:
         return
     move_visits(pm, first, motion)

@@ -11,6 +11,7 @@ from albot_core.geometry.types import Segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.places.events import Event
+from albot_core.mappers.albot1.places.hypothesis import Hypothesis
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.wayfinding import pointing, way_lines
 from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
@@ -119,6 +120,14 @@ class Albot1:
     def events(self) -> tuple[Event, ...]:
         """What happened to the network and why: each acceptance and refusal, in order."""
         return tuple(self._robot.network(0).log.events)
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """Where a lost robot may be, and how probable each is, as of its last comparison of places.
+
+        Empty where it is not lost.
+        """
+        return self._robot.network(0).hypotheses
 
     @property
     def way_home(self) -> WayHome:

@@ -10,6 +10,7 @@ from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import middle
 from albot_core.mappers.albot1.places.recognition import candidate_gates, recognize_place
+from albot_core.mappers.albot1.places.relocalisation import Sight
 
 SIDE = 8.0
 """Side of a square room (m); its middle is at SIDE times its column and row."""
@@ -49,6 +50,10 @@ class Walker:
     def seen(self) -> np.ndarray:
         """The present room's walls in the map."""
         return transform_segments(self.drift, walls_of(self.room))
+
+    def sight(self) -> Sight:
+        """What it has seen since it was carried into the present room, all of it in view."""
+        return Sight(seen=self.seen(), view=self.seen(), pose=self.pose())
 
     def pose(self, share: float = 0.0) -> np.ndarray:
         """In the present room's middle, or a share of 4 m towards +x."""

@@ -135,7 +135,7 @@ def _compare(
             share = (part + 0.5) / parts
             x = wall[0] + share * (wall[2] - wall[0])
             y = wall[1] + share * (wall[3] - wall[1])
-            past = (_range_along(view, x, y) - 1.0) * np.sqrt(x * x + y * y)
+            past = (range_along(view.surfaces[: view.size[0]], x, y) - 1.0) * np.sqrt(x * x + y * y)
             if past > TOLERANCE:
                 seen_past += 1
             elif past >= -TOLERANCE:
@@ -144,12 +144,14 @@ def _compare(
 
 
 @kernel()
-def _range_along(view: LocatedView, x: float, y: float) -> float:
-    """How many vectors (x, y) away the first surface along them is; NaN where none is seen."""
+def range_along(surfaces: np.ndarray, x: float, y: float) -> float:
+    """How many vectors (x, y) away the first of surfaces (n, 4) along them is; NaN for none.
+
+    They are seen from the origin.
+    """
     nearest = np.inf
-    for k in range(view.size[0]):
-        ax, ay = view.surfaces[k, 0], view.surfaces[k, 1]
-        bx, by = view.surfaces[k, 2], view.surfaces[k, 3]
+    for k in range(surfaces.shape[0]):
+        ax, ay, bx, by = surfaces[k, 0], surfaces[k, 1], surfaces[k, 2], surfaces[k, 3]
         if ax * y - ay * x < 0.0 or x * by - y * bx < 0.0:
             continue  # surfaces run from right to left: not between the two ends
         across = x * (by - ay) - y * (bx - ax)

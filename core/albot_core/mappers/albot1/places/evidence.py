@@ -133,7 +133,7 @@ def weigh(
     if crosses_any(doorways, way):
         return Evidence(match.share, 0.0, 0.0, misfit, through_doorway=True)
     there = transform_points(from_graph, crumbs.points[crumbs.places == place.id])
-    own = np.reshape([door.line for door in place.exits], (-1, 4))
+    own = place.exit_lines
     there = there[~on_doorstep(own, there)]
     if not len(there):
         return Evidence(match.share, UNKNOWN, UNKNOWN, misfit)

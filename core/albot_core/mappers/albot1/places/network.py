@@ -23,6 +23,7 @@ from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.frames import relative_pose
 from albot_core.mappers.albot1.places.events import Event, EventKind, EventLog
+from albot_core.mappers.albot1.places.hypothesis import Hypothesis
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import (
     LearnedExit,
@@ -65,6 +66,8 @@ class PlaceNetwork:
         self.current = START
         self.lost_since = 0
         """The visit that began where the robot was carried to, as long as it is lost; else 0."""
+        self.hypotheses: tuple[Hypothesis, ...] = ()
+        """Where it may be, as last weighed; empty unless it is lost. Not stored."""
         self.version = 0
         """Grows with every change."""
         self.log = EventLog(config.max_events, START)
@@ -138,8 +141,7 @@ class PlaceNetwork:
     @property
     def predicted_exits(self) -> Segments:
         """The exits of the present place, aligned: where they should be in the map (m)."""
-        lines = [door.line for door in self.here.exits]
-        return transform_segments(self.frame, np.reshape(lines, (-1, 4)))
+        return transform_segments(self.frame, self.here.exit_lines)
 
     def in_graph_frame(self, pose: Pose) -> Pose:
         """A pose in the map, in the graph frame. Compiled: every breadcrumb asks for it."""

@@ -12,7 +12,7 @@ from albot_core.geometry.poses import relative, transform_segments, wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.network_view import Exit, Place
-from albot_core.matching.lines import merge_lines
+from albot_core.matching.line_merging import merge_lines
 
 SAME_EXIT = 0.75
 """Exits whose middles are nearer than this are one (m)…"""
@@ -102,6 +102,11 @@ class LearnedPlace:
         expected = self.exits[nearest].line
         is_another = any(between(expected, other) < away[nearest] - SEEN_ERROR for other in others)
         return None if is_another else nearest
+
+    @property
+    def exit_lines(self) -> Lines:
+        """The lines of its exits, in its frame (m)."""
+        return np.reshape([door.line for door in self.exits], (-1, 4)).astype(float)
 
     def holds(self, point: Points) -> bool:
         """Whether a point, in its frame, is on the inner side of all its exits.

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int32
 
-from albot_core.geometry.poses import compose, inverse, relative
+from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
@@ -65,7 +65,7 @@ def recognize_place(
         if by_position and match.matches == 0:
             continue  # It stands within many: that it is in none of them is not worth an event.
         evidence = None
-        if network.config.min_probability > 0.0 and _has_structure(match, network.config):
+        if network.config.min_probability > 0.0 and has_structure(match, network.config):
             evidence = weigh(network, match, other, guess, seen, exits, pose)
         accepted = _is_same(network, match, other, evidence, by_position, pose)
         kind = EventKind.RECOGNIZED if accepted else EventKind.REFUSED
@@ -78,43 +78,6 @@ def recognize_place(
             merge_here(network, step, other, frame, pose)
             return True
     return False
-
-
-def relocalise(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose | None:
-    """Look for the present place of a robot that was carried away among all places known before.
-
-    Returns:
-        How the map must be moved that was made since, so that it joins on to the map before; None
-        where no place is recognised.
-    """
-    network.compared_from = pose.copy()
-    first = network.visits[network.lost_since]
-    known = [place for place in network.places.values() if place.id < first]
-    anywhere = replace(network.config.match, max_shift=np.inf, max_turn=np.pi)
-    found = [
-        (place, match_lines(seen, place.surfaces, network.frame, pose, anywhere)) for place in known
-    ]
-    confirmed = [
-        (place, match)
-        for place, match in found
-        if match.matches >= network.config.min_relocalise_matches
-        and _is_confirmed(network, match, place, pose)
-    ]
-    if not confirmed:
-        return None
-    place, match = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
-    network.log.add_comparison(step, EventKind.RELOCALISED, network.current, place.id, match)
-    learned = network.visit_transforms[network.visits.index(place.id)]
-    motion = compose(compose(learned, place.frame), inverse(match.pose))
-    for unknown in network.places.values():
-        if unknown.id >= first:
-            frame = compose(motion, compose(network.map_to_graph, unknown.frame))
-            unknown.frame = relative(learned, frame)
-    back = compose(relative(learned, motion), network.map_to_graph)
-    network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
-    network.map_to_graph, network.lost_since = learned, 0
-    merge_here(network, step, place, compose(motion, match.pose), compose(motion, pose))
-    return motion
 
 
 def _candidates(
@@ -156,13 +119,13 @@ def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, 
     """
     config = network.config
     return (
-        _has_structure(match, config)
+        has_structure(match, config)
         and match.share >= config.min_share
         and place.holds(relative(match.pose, pose)[:2])
     )
 
 
-def _has_structure(match: LineMatch, config: PlacesConfig) -> bool:
+def has_structure(match: LineMatch, config: PlacesConfig) -> bool:
     """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot."""
     return match.matches > config.min_matches and min(match.left, match.right) > 0
 

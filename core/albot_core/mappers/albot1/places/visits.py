@@ -34,11 +34,11 @@ from albot_core.mappers.albot1.places.exits import NOT_CROSSING, ExitMemory
 from albot_core.matching.lines import line_length, wrap
 
 
-def seen_in_visit(pm: PerceptualMap) -> np.ndarray:
-    """(n, 4) float64: the surfaces seen in the present visit, in the map's frame (a copy)."""
-    used = pm.counts[USED]
-    present = (pm.ids[:used] >= 0) & (pm.marks[:used] == pm.counts[VISIT])
-    return np.asarray(pm.surfaces[:used][present])
+def seen_since(pm: PerceptualMap, visit: int) -> np.ndarray:
+    """(n, 4) float64: the surfaces seen from a visit on, in the map's frame (a copy)."""
+    return np.asarray(
+        pm.surfaces[: pm.counts[USED]][living(pm) & (pm.marks[: pm.counts[USED]] >= visit)]
+    )
 
 
 def begin_visit(pm: PerceptualMap, gates: np.ndarray) -> None:

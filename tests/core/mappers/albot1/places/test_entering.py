@@ -10,6 +10,7 @@ import pytest
 from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.memory import (
     NOT_RECOGNIZED,
+    VISIT,
     LocatedView,
     PerceptualMap,
     add_surface,
@@ -17,7 +18,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     empty_view,
     living,
 )
-from albot_core.mappers.albot1.places.visits import begin_visit, enter_place, seen_in_visit
+from albot_core.mappers.albot1.places.visits import begin_visit, enter_place, seen_since
 from albot_core.sensing.view import CORNER
 
 WALL, BEHIND, DOORPOST = (4.0, -2.0, 4.0, 2.0), (-9.0, 1.0, -9.0, -1.0), (1.0, 2.0, 3.0, 2.0)
@@ -65,7 +66,7 @@ def test_what_is_in_view_is_of_the_new_visit_and_what_is_not_is_of_the_old(
     pm = remembering(WALL, BEHIND)
     enter_place(pm, seeing(WALL), limits)
     assert pm.marks[:2].tolist() == [2, 1]
-    assert np.array_equal(seen_in_visit(pm), [WALL])
+    assert np.array_equal(seen_since(pm, int(pm.counts[VISIT])), [WALL])
 
 
 def test_what_the_map_lacks_is_added_where_it_is_seen(limits: Albot1Limits) -> None:
@@ -103,5 +104,5 @@ def test_plain_walls_are_not_recognised_by_their_ends(limits: Albot1Limits) -> N
 def test_to_the_letter_the_view_takes_the_place_of_what_it_covers() -> None:
     pm = remembering(WALL)
     enter_place(pm, seeing(WALL), replace(Albot1Config.thesis(), robot_in_boundary=True).limits)
-    (wall,) = seen_in_visit(pm)
+    (wall,) = seen_since(pm, int(pm.counts[VISIT]))
     assert not np.allclose(wall, WALL, atol=0.01)

@@ -13,7 +13,7 @@ from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
-from albot_core.mappers.albot1.places.recognition import relocalise
+from albot_core.mappers.albot1.places.relocalisation import relocalise
 from tests.core.mappers.albot1.building import (
     RING,
     SIDE,
@@ -214,10 +214,10 @@ def test_a_lost_robot_finds_itself_and_what_it_saw_meanwhile_stays_known():
     walker.rooms.append((2, 1))
     assert network.lost_since
     assert len(network.places) == before + 1
-    assert relocalise(network, walker.step, walker.seen(), walker.pose()) is None
+    assert relocalise(network, walker.step, walker.sight()) is None
     unknown = network.current
     walker.go((1, 1))
-    motion = relocalise(network, walker.step, walker.seen(), walker.pose())
+    motion = relocalise(network, walker.step, walker.sight())
     assert motion is not None
     np.testing.assert_allclose(motion, -carried, atol=0.01)
     check_links(network)
