@@ -138,7 +138,7 @@ class Albot1Config:
     )
     """Parameters of view construction (section 3.1.3). A bent wall that is drawn straight turns the
     robot a little at each update, always the same way, so walls are broken where they are bent: on
-    Intel and Wean Hall errors are alike for any F statistic of 8 to 30. `grazing_ends` is on in
+    Intel and Wean Hall errors are alike for any F statistic of 10 to 20. `grazing_ends` is on in
     `albot1`: with whole walls matched, the logs' errors are nearly the same without
     (`albot1-readings`)."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
