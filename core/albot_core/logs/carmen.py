@@ -37,6 +37,7 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
 from albot_core.logs.log import (
     NO_RETURN,
+    SICK_BEAM_WIDTH,
     Recording,
     Scan,
     constant_mount,
@@ -52,6 +53,8 @@ KEYWORDS = ("ODOM", "FLASER", "ROBOTLASER1", "PARAM", "SYNC", "RAWLASER1", "RLAS
 _READ = ("ODOM", "FLASER", "ROBOTLASER1")
 _SCANS = ("FLASER", "ROBOTLASER1")
 _AT_CENTRE = (0.0, 0.0, 0.0)
+_SICK_LMS = 0
+"""The type of laser in a `ROBOTLASER1` line for a SICK LMS (CARMEN's `laser_messages.h`)."""
 _TAIL = 3
 """Number of fields at the end of a message: a stamp, a host, a stamp."""
 
@@ -209,11 +212,12 @@ class _Messages:
         assert self._header is not None
         if not self._header.configuration:
             return sick_laser(self._header.beams, NO_RETURN, mount)
-        _, start, _, spacing, max_range, _, _ = map(float, self._header.configuration)
+        kind, start, _, spacing, max_range, _, _ = map(float, self._header.configuration)
         return LaserGeometry(
             beams=self._header.beams,
             first_bearing=start,
             spacing=spacing,
+            beam_width=SICK_BEAM_WIDTH if kind == _SICK_LMS else 0.0,
             max_range=min(max_range, NO_RETURN),
             mount=mount,
         )

@@ -119,6 +119,12 @@ def test_the_header_of_a_robotlaser_tells_the_largest_range(drive, write):
     assert log.ranges[0, :2].tolist() == [12.4, np.inf]
 
 
+@pytest.mark.parametrize(("kind", "degrees"), [(0, 0.5), (2, 0.0), (99, 0.0)])
+def test_the_beams_of_a_sick_lms_are_known_to_be_wide(kind, degrees, drive, write):
+    text = drive("robotlaser").robotlaser().replace("ROBOTLASER1 0 ", f"ROBOTLASER1 {kind} ")
+    assert np.degrees(read_log(write(text)).geometry.beam_width) == pytest.approx(degrees)
+
+
 @pytest.mark.parametrize("remissions", [None, 0, 1, 361])
 def test_robotlaser_with_and_without_remissions(remissions, drive, write):
     text = drive("robotlaser")
