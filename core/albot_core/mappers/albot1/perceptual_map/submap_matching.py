@@ -118,7 +118,7 @@ or -1, and by which end."""
 
 _correction, _chosen, _start = scratch(3), scratch(3), scratch(3)
 _trial, _there, _moved = scratch(3), scratch(3), scratch(3)
-_scores, _shifts = scratch(TURNS), scratch(TURNS, 2)
+_scores, _shifts, _turns = scratch(TURNS), scratch(TURNS, 2), scratch(BY_TURN)
 
 
 @kernel()
@@ -141,7 +141,8 @@ def match_submap(
     directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
     scale, is_missing = turn_scale(odometer, limits), odometer[HAS_MOVED] == 0.0
     correction, chosen, start, trial = _correction(), _chosen(), _start(), _trial()
-    scores, shifts = _scores(), _shifts()
+    scores, shifts, turns = _scores(), _shifts(), _turns()
+    turns[:] = np.nan
     share = best = first = 0.0
     kept = aligned = remembered = 0
     known = (scale, directions, odometer, buffers, scores, shifts)
@@ -149,11 +150,13 @@ def match_submap(
     for k in range(GUESSES if is_missing else MOTIONS):
         if not is_missing and k >= ALWAYS and share >= limits.unsure:
             break
-        score, turn = _propose(k, first, previous, motion, limits, *known, trial)
+        score, turn = _propose(k, first, previous, motion, limits, *known, turns, trial)
         first = score if k == 0 else first
         is_first_search = not is_missing and k < BY_TURN
         if score == -np.inf or (is_first_search and score < first - NEARLY):
             continue
+        if is_first_search:
+            turns[k] = turn
         remembered, its_share = _align(trial, turn, *scene)
         aligned = k
         worth = its_share - turn_cost(turn, scale) - shift_cost(trial, odometer)
@@ -198,11 +201,13 @@ def _propose(
     buffers: MatchBuffers,
     scores: np.ndarray,
     shifts: np.ndarray,
+    turns: np.ndarray,
     trial: np.ndarray,
 ) -> tuple[float, float]:
     """Step 1: propose the motion that is aligned as the `k`-th, as `take_motion` does.
 
-    `first` is the score of the one before all others.
+    `first` is the score of the one before all others; with the odometer's translation and `turns`,
+    NaN for none, motions were aligned before.
     """
     known = (scale, directions, odometer, buffers, scores, shifts)
     if odometer[HAS_MOVED] == 0.0:
@@ -219,7 +224,19 @@ def _propose(
         reach = max(REACH, 2.0 * shift_scale(odometer, limits))
         search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
     score, turn = take_motion(scores, shifts, motion, trial)
+    while score > -np.inf and _is_aligned(turn, trial, motion, turns):
+        score, turn = take_motion(scores, shifts, motion, trial)
     return score, turn
+
+
+@kernel()
+def _is_aligned(turn: float, trial: np.ndarray, motion: np.ndarray, turns: np.ndarray) -> bool:
+    """Whether a motion was aligned before: with the odometer's translation and one of `turns`."""
+    if trial[0] == motion[0] and trial[1] == motion[1]:
+        for aligned in turns:
+            if turn == aligned:
+                return True
+    return False
 
 
 @kernel()
