@@ -18,7 +18,7 @@ LEAST_NOISE = RANGE_NOISE
 class Moments(NamedTuple):
     """Sums over points (x, y)."""
 
-    count: float
+    size: float
     x: float
     y: float
     xx: float
@@ -127,7 +127,7 @@ def _moments_of(points: np.ndarray, first: int, i: int) -> Moments:
 def _sum(a: Moments, b: Moments, sign: float) -> Moments:
     """The moments of the points of both; with a `sign` of -1 without those of the second."""
     return Moments(
-        a.count + sign * b.count,
+        a.size + sign * b.size,
         a.x + sign * b.x,
         a.y + sign * b.y,
         a.xx + sign * b.xx,
@@ -142,6 +142,6 @@ def _residual(m: Moments) -> float:
 
     It is the lesser eigenvalue of the scatter, for points in a row: its determinant by its trace.
     """
-    n = m.count
+    n = m.size
     xx, xy, yy = n * m.xx - m.x * m.x, n * m.xy - m.x * m.y, n * m.yy - m.y * m.y
     return float((xx * yy - xy * xy) / (n * (xx + yy)))

@@ -9,9 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import copy_pose
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
-from albot_core.mappers.albot1.perceptual_map.odometer_error import HAS_MOVED, LAST_X, LAST_Y
+from albot_core.mappers.albot1.perceptual_map.odometer_error import (
+    HAS_MOVED,
+    LAST_X,
+    LAST_Y,
+    shift_scale,
+)
 from albot_core.mappers.albot1.perceptual_map.range_profile import (
     TURNS,
     UNSEEN_THERE,
@@ -23,11 +29,76 @@ from albot_core.mappers.albot1.perceptual_map.range_profile import (
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, describe_previous
 
+ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
+"""How many motions are aligned at the most: the likeliest turn, and another that is nearly as
+likely; then, as long as no match is sure, the odometer's own, a further turn, and motions of other
+translations."""
+ODD_TURN = 5.0
+"""Turns are first sought up to so many times the scale of the odometer's errors: a misread view
+fits somewhere, too, but seldom where the odometer may have led."""
+WIDEST_TURN = np.radians(90.0)
+"""Turns are sought up to this where no match is sure (rad)."""
+REACH = 0.5
+"""How far around the expected motion others are tried, at least (m)."""
+GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
+"""Without an odometer so many motions are aligned, of so many translations either way, so far apart
+(m)."""
 SHIFT_COST = 0.1
 """Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
 of agreeing directions: along a corridor the views cannot tell it."""
 
 _trial, _of_one = scratch(3), scratch(TURNS)
+
+
+@kernel()
+def propose_motion(
+    k: int,
+    first: float,
+    previous: LocatedView,
+    motion: np.ndarray,
+    limits: Albot1Limits,
+    scale: float,
+    directions: int,
+    odometer: np.ndarray,
+    buffers: MatchBuffers,
+    scores: np.ndarray,
+    shifts: np.ndarray,
+    turns: np.ndarray,
+    trial: np.ndarray,
+) -> tuple[float, float]:
+    """Propose the motion that is aligned as the `k`-th, as `take_motion` does.
+
+    `first` is the score of the one before all others; with the odometer's translation and `turns`,
+    NaN for none, motions were aligned before.
+    """
+    known = (scale, directions, odometer, buffers, scores, shifts)
+    if odometer[HAS_MOVED] == 0.0:
+        if k == 0:
+            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
+    elif k == 0:
+        widest = min(limits.turn_search, ODD_TURN * scale)
+        search_motions(previous, motion, 0, 0.0, widest, *known)
+    elif k == ALWAYS:
+        # The two views may hardly agree under any turn; the map may know better.
+        copy_pose(motion, trial)
+        return first, 0.0
+    elif k == BY_TURN:
+        reach = max(REACH, 2.0 * shift_scale(odometer, limits))
+        search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
+    score, turn = take_motion(scores, shifts, motion, trial)
+    while score > -np.inf and _is_aligned(turn, trial, motion, turns):
+        score, turn = take_motion(scores, shifts, motion, trial)
+    return score, turn
+
+
+@kernel()
+def _is_aligned(turn: float, trial: np.ndarray, motion: np.ndarray, turns: np.ndarray) -> bool:
+    """Whether a motion was aligned before: with the odometer's translation and one of `turns`."""
+    if trial[0] == motion[0] and trial[1] == motion[1]:
+        for aligned in turns:
+            if turn == aligned:
+                return True
+    return False
 
 
 @kernel()

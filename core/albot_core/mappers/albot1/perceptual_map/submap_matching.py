@@ -31,10 +31,13 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     PerceptualMap,
 )
 from albot_core.mappers.albot1.perceptual_map.motion_search import (
+    ALWAYS,
+    BY_TURN,
+    GUESSES,
+    MOTIONS,
     agreement_after,
-    search_motions,
+    propose_motion,
     shift_cost,
-    take_motion,
 )
 from albot_core.mappers.albot1.perceptual_map.near_walls import list_ends_near, list_walls_along
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
@@ -65,23 +68,10 @@ from albot_core.matching.lines import moved_ends, wrap
 from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.view import NO_EDGE
 
-ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
-"""How many motions are aligned at the most: the likeliest turn, and another that is nearly as
-likely; then, as long as no match is sure, the odometer's own, a further turn, and motions of other
-translations."""
 NEARLY = 0.15
 """A turn is nearly as likely as another with a score no more than this below it."""
-ODD_TURN = 5.0
-"""Turns are first sought up to so many times the scale of the odometer's errors: a misread view
-fits somewhere, too, but seldom where the odometer may have led."""
-WIDEST_TURN = np.radians(90.0)
-"""Turns are sought up to this where no match is sure (rad)."""
-REACH, REACH_COST = 0.5, 0.1
-"""How far around the expected motion others are tried, at least (m), and what they cost, in shares
-of the view."""
-GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
-"""Without an odometer so many motions are aligned, of so many translations either way, so far apart
-(m)."""
+REACH_COST = 0.1
+"""What motions of other translations cost, in shares of the view."""
 SAME_WORTH = 1e-6
 """A motion must be better by more, so that rounding does not choose between two as good."""
 PROFILE_WEIGHT = 0.5
@@ -150,7 +140,7 @@ def match_submap(
     for k in range(GUESSES if is_missing else MOTIONS):
         if not is_missing and k >= ALWAYS and share >= limits.unsure:
             break
-        score, turn = _propose(k, first, previous, motion, limits, *known, turns, trial)
+        score, turn = propose_motion(k, first, previous, motion, limits, *known, turns, trial)
         first = score if k == 0 else first
         is_first_search = not is_missing and k < BY_TURN
         if score == -np.inf or (is_first_search and score < first - NEARLY):
@@ -186,57 +176,6 @@ def match_submap(
     current.pose[1] += y
     current.pose[2] = wrap(current.pose[2] + chosen[2])
     return int(found), float(share)
-
-
-@kernel()
-def _propose(
-    k: int,
-    first: float,
-    previous: LocatedView,
-    motion: np.ndarray,
-    limits: Albot1Limits,
-    scale: float,
-    directions: int,
-    odometer: np.ndarray,
-    buffers: MatchBuffers,
-    scores: np.ndarray,
-    shifts: np.ndarray,
-    turns: np.ndarray,
-    trial: np.ndarray,
-) -> tuple[float, float]:
-    """Step 1: propose the motion that is aligned as the `k`-th, as `take_motion` does.
-
-    `first` is the score of the one before all others; with the odometer's translation and `turns`,
-    NaN for none, motions were aligned before.
-    """
-    known = (scale, directions, odometer, buffers, scores, shifts)
-    if odometer[HAS_MOVED] == 0.0:
-        if k == 0:
-            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
-    elif k == 0:
-        widest = min(limits.turn_search, ODD_TURN * scale)
-        search_motions(previous, motion, 0, 0.0, widest, *known)
-    elif k == ALWAYS:
-        # The two views may hardly agree under any turn; the map may know better.
-        copy_pose(motion, trial)
-        return first, 0.0
-    elif k == BY_TURN:
-        reach = max(REACH, 2.0 * shift_scale(odometer, limits))
-        search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
-    score, turn = take_motion(scores, shifts, motion, trial)
-    while score > -np.inf and _is_aligned(turn, trial, motion, turns):
-        score, turn = take_motion(scores, shifts, motion, trial)
-    return score, turn
-
-
-@kernel()
-def _is_aligned(turn: float, trial: np.ndarray, motion: np.ndarray, turns: np.ndarray) -> bool:
-    """Whether a motion was aligned before: with the odometer's translation and one of `turns`."""
-    if trial[0] == motion[0] and trial[1] == motion[1]:
-        for aligned in turns:
-            if turn == aligned:
-                return True
-    return False
 
 
 @kernel()
