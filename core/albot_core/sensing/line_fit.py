@@ -11,6 +11,8 @@ from albot_core.sensing.beam_model import RANGE_NOISE, BeamModel, variance_acros
 
 LEAST_POINTS = 4
 """Each part of a bent span has so many points at least."""
+TINY = 1e-12
+"""Variances below this are as good as none: a range of 0 tells nothing, and gets no weight."""
 LEAST_NOISE = RANGE_NOISE
 """What points deviate from a line by chance, at least (m, standard deviation)."""
 
@@ -113,7 +115,7 @@ def _weight(
     if not model.is_used:
         return 1.0
     square = (points[i, 0] - eye[0]) ** 2 + (points[i, 1] - eye[1]) ** 2
-    return float(square / variance_across(square, aside, model))
+    return float(square / max(variance_across(square, aside, model), TINY))
 
 
 @kernel()

@@ -44,6 +44,13 @@ def test_a_line_is_the_first_principal_axis(model: BeamModel, seed: int) -> None
     assert line[2:] @ run > 0.99
 
 
+def test_a_range_of_0_has_no_weight() -> None:
+    points, line = wall(0.0, np.random.default_rng(0), noise=0.0) - (0.0, 2.0), np.empty(4)
+    points[10] = (0.4, 0.0)  # at the laser, on the line of a wall that leads to it
+    fit_line(points, 0, len(points) - 1, (0.4, 0.0), RAYS, line)
+    assert line[2:].tolist() == pytest.approx([1.0, 0.0])
+
+
 @pytest.mark.parametrize("degrees", [-6.0, 4.0, 10.0])
 def test_a_bend_is_found_where_it_is(degrees: float) -> None:
     for seed in range(20):
