@@ -41,8 +41,10 @@ class TrainedAgent:
         self._file = file
         self._observation_config = observation_config
         self._network = Network(file.network, file.weights)
-        trained = file.settings["config"].get("observations")
-        differing = [] if trained is None else differences(to_plain(observation_config), trained)
+        trained = file.observation_config
+        differing = (
+            [] if trained is None else differences(to_plain(observation_config), to_plain(trained))
+        )
         if differing:
             raise InputError(name, "observations as in its training", "; ".join(differing))
 
