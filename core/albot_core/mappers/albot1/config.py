@@ -138,8 +138,8 @@ class Albot1Config:
     )
     """Parameters of view construction (section 3.1.3). A bent wall that is drawn straight turns the
     robot a little at each update, always the same way, so walls are broken where they are bent: on
-    Intel and Wean Hall errors are alike for any F statistic of 10 to 20. `grazing_ends` is on in
-    `albot1`: with whole walls matched, the logs' errors are nearly the same without
+    Intel and Wean Hall errors are nearly alike for F statistics of 10 and 20. `grazing_ends` is on
+    in `albot1`: with whole walls matched, the logs' errors are nearly the same without
     (`albot1-readings`)."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Thresholds of the network of places (chapter 4)."""

@@ -324,7 +324,7 @@ def _pulled_by_walls(
         parts = max(int(seen[k, 4] / apart + 0.5), 1)
         step = seen[k, 4] / parts
         weight = POINT_WEIGHT * step / POINT_SPACING / (wide * POINT_NOISE) ** 2
-        passes = seen[k, 0] * seen[k, 7] - seen[k, 1] * seen[k, 6]
+        distance = seen[k, 0] * seen[k, 7] - seen[k, 1] * seen[k, 6]
         ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
         x0, y0 = rotate(cos, sin, seen[k, 0], seen[k, 1])
         line = (correction[0] + x0, correction[1] + y0), (ux, uy)
@@ -349,7 +349,7 @@ def _pulled_by_walls(
                 wx, wy = -expected[which, 7], expected[which, 6]
                 doubt = 1.0 + (off / scale) ** 2
                 if beam_model.is_used:
-                    doubt *= max(beams_wanted(x * x + y * y, passes, beam_model), 1.0)
+                    doubt *= max(beams_wanted(x * x + y * y, distance, beam_model), 1.0)
                 own = weight / doubt
                 equations = pulled_along(equations, x, y, wx, wy, -off, own)
     return equations, matched / max(length, POINT_SPACING)
