@@ -7,10 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from albot_core.evaluation.trajectory import Trajectory, trajectory_error
+from albot_core.evaluation.trajectory import Trajectory, path_length, trajectory_error
+from albot_core.geometry.types import Poses
 from albot_core.logs.disturbed import disturbed
+from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log
 from albot_core.mappers.albot1.mapper import Albot1
+
+
+def mapped(log: Log) -> Poses:
+    """Where the robot believes to be at each reading (m, rad)."""
+    mapper, poses = Albot1(), []
+    for reading in log.readings:
+        mapper.update(reading)
+        poses.append(mapper.estimate.pose.copy())
+    return np.array(poses)
 
 
 # At some readings of these logs views hardly agree under the right turn. There the odometer's own
@@ -28,13 +39,19 @@ def test_logs_are_mapped_however_they_are_disturbed(
     data: Path, file: str, disturbance: str, seed: int, most: float
 ) -> None:
     log = read_log(data / "logs" / file)
-    mapper, poses, readings = Albot1(), [], disturbed(log, disturbance, seed).readings
-    for reading in readings:
-        mapper.update(reading)
-        poses.append(mapper.estimate.pose.copy())
+    worse = disturbed(log, disturbance, seed)
+    believed = Trajectory(stamps=worse.stamps, poses=mapped(worse))
     assert log.reference_trajectory is not None
-    stamps = np.array([reading.stamp for reading in readings])
-    believed = Trajectory(stamps=stamps, poses=np.array(poses))
     error = trajectory_error(believed, log.reference_trajectory)
     assert error is not None
     assert error.rmse < most
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_robot_without_odometer_is_not_carried_along_a_bare_corridor(
+    data: Path, seed: int
+) -> None:
+    # Walls on both sides of an alcove there, drawn as one, carried it along by some 10 m.
+    log = read_log(data / "logs" / "duke_loop5.log.xz")
+    way = path_length(mapped(disturbed(log, "frozen", seed)))
+    assert way == pytest.approx(path_length(log.odometry), rel=0.05)

@@ -43,6 +43,7 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     note_motion,
 )
 from albot_core.mappers.albot1.perceptual_map.overlay import (
+    bend_height,
     box_around,
     cut_at_boundary,
     extend_surface,
@@ -199,7 +200,8 @@ def update_map(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> No
 
     Surfaces with both ends inside the view's boundary are removed. Of those with one end
     inside the part outside stays: drawn together with the view's surface of the same wall
-    where there is one, cut at the boundary where there is none. Then the rest of the view
+    where there is one, cut at the boundary where there is none. Ours is that a wall which would be
+    bent by more than `join_height` is cut as well. Then the rest of the view
     is added, and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
     """
     count = view.size[0]
@@ -248,7 +250,10 @@ def _lay_over(
         elif first or second:  # Alg. 3, line 11
             outer = 1 if first else 0
             k = same_wall(old, in_map, is_used, limits)
-            if k < 0:
+            is_longer = k >= 0 and extend_surface(
+                in_map[k], old, outer, limits.keeps_outer_end, changed
+            )
+            if k < 0 or bend_height(in_map[k], changed, outer) > limits.join_height:
                 cut_at_boundary(old, outer, polygon, box, limits.margin, changed)
                 edges[outer], edges[1 - outer] = pm.edges[slot, outer], NO_EDGE
                 if line_length(changed) < MIN_REMAINDER:
@@ -257,7 +262,7 @@ def _lay_over(
                     move_surface(pm, slot, changed, edges)
                 continue
             edges[0], edges[1] = view.edges[k, 0], view.edges[k, 1]
-            if extend_surface(in_map[k], old, outer, limits.keeps_outer_end, changed):
+            if is_longer:
                 edges[outer] = pm.edges[slot, outer]
                 # The end in view is no longer the end in the map.
                 view.edges[k, outer] = NO_EDGE

@@ -149,6 +149,14 @@ def extend_surface(
 
 
 @kernel()
+def bend_height(new: np.ndarray, drawn_out: np.ndarray, outer: int) -> float:
+    """How far the new surface's end lies from the same surface drawn out beyond it (m)."""
+    dx, dy = drawn_out[2] - drawn_out[0], drawn_out[3] - drawn_out[1]
+    x, y = new[2 * outer] - drawn_out[0], new[2 * outer + 1] - drawn_out[1]
+    return float(abs(dx * y - dy * x) / np.sqrt(dx * dx + dy * dy))
+
+
+@kernel()
 def cut_at_boundary(
     old: np.ndarray,
     outer: int,

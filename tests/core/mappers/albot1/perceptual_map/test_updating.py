@@ -96,6 +96,29 @@ def test_ours_draws_the_new_surface_out_to_the_old_end() -> None:
     assert any(np.allclose(surface, [4.0, 2.0, -3.0, 2.0]) for surface in surfaces)
 
 
+@pytest.mark.parametrize(("aside", "is_one"), [(0.06, True), (0.08, False)])
+def test_walls_are_drawn_as_one_only_where_that_is_straight(aside: float, is_one: bool) -> None:
+    # The left wall goes on behind the robot, somewhat aside: drawn as one it is bent at x = 0, by
+    # 4 / 7 of that.
+    pm = empty_map(32)
+    add_surface(pm, np.array([1.0, 2.0 + aside, -3.0, 2.0 + aside]), EDGES)
+    update_map(pm, view_of(BOX), LIMITS._replace(join_height=0.04))
+    surfaces = pm.surfaces[np.flatnonzero(living(pm))]
+    assert any(np.allclose(surface, BOX[2]) for surface in surfaces) is not is_one
+    assert (
+        any(np.allclose(surface, [4.0, 2.0, -3.0, 2.0 + aside]) for surface in surfaces) is is_one
+    )
+    # What is left of the old one begins where the view's boundary and the margin end.
+    assert len(surfaces) == (3 if is_one else 4)
+
+
+def test_a_wall_within_the_views_own_is_replaced_however_far_aside() -> None:
+    pm = empty_map(32)
+    add_surface(pm, np.array([3.0, 2.3, 0.5, 2.42]), EDGES)
+    update_map(pm, view_of(BOX), LIMITS._replace(margin=0.4, join_height=0.0))
+    assert living(pm).sum() == 3
+
+
 def reobserved(old: list[float], covered: bool) -> int:
     """How many surfaces of an earlier visit count as met again after the box was laid over."""
     pm = empty_map(32)
