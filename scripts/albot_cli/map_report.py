@@ -26,7 +26,7 @@ from albot_core.evaluation.trajectory import (
 )
 from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
-from albot_core.mappers.estimate_check import check_estimate
+from albot_core.mappers.estimate_check import check_corrected_poses, check_estimate
 from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.outlines import surfaces_of
@@ -107,7 +107,7 @@ def run_mapper(
         rng: The mapper's random generator (see `make_mapper`).
 
     Raises:
-        InputError: An estimate is not as `Estimate` says.
+        InputError: An estimate, or the corrected poses, are not as the mapper's interface says.
     """
     mapper = make_mapper(name, config=config, rng=rng)
     spec = mapper.spec
@@ -128,7 +128,9 @@ def run_mapper(
     update(len(log.readings))
     corrected = None
     if isinstance(mapper, CorrectedTrajectory):
-        corrected = Trajectory(stamps=log.stamps, poses=mapper.corrected_poses())
+        poses_at_end = mapper.corrected_poses()
+        check_corrected_poses(poses_at_end, spec, len(log.readings))
+        corrected = Trajectory(stamps=log.stamps, poses=poses_at_end)
     believed = Trajectory(stamps=log.stamps, poses=poses)
     return MappingRun(
         mapper=mapper,

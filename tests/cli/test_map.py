@@ -17,6 +17,7 @@ import albot_cli.map
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
+from albot_core.geometry.types import Poses
 from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import load_map
 from albot_core.mappers.mapper import Estimate
@@ -213,6 +214,16 @@ def test_a_mapper_that_believes_to_be_nowhere_is_named(corridor, call, tmp_path,
     monkeypatch.setattr(OdometryMapper, "estimate", property(nowhere))
     result = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "out")
     expect_error(result, "mapper odometry, reading 6, estimate.pose: expected an array of 3 finite")
+    assert not (tmp_path / "out").exists()
+
+
+def test_corrected_poses_that_lack_a_reading_are_named(corridor, call, tmp_path, monkeypatch):
+    def corrected(mapper: OdometryMapper) -> Poses:
+        return np.zeros((3, 3))
+
+    monkeypatch.setattr(OdometryMapper, "corrected_poses", corrected, raising=False)
+    result = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "out")
+    expect_error(result, "mapper odometry", "corrected_poses()", "found an array of shape (3, 3)")
     assert not (tmp_path / "out").exists()
 
 

@@ -46,6 +46,18 @@ def check_way_home(way: object, spec: MapperSpec, reading: int) -> None:
         raise _error(spec, reading, "way_home", expected, way)
 
 
+def check_corrected_poses(poses: object, spec: MapperSpec, readings: int) -> None:
+    """Check `CorrectedTrajectory.corrected_poses` after so many readings.
+
+    Raises:
+        InputError: They are not an array of finite numbers, three a reading.
+    """
+    is_array = isinstance(poses, np.ndarray) and poses.dtype.kind in "fiu"
+    if not (is_array and poses.shape == (readings, _POSE) and np.isfinite(poses).all()):
+        expected = f"an array of finite numbers, of shape {(readings, _POSE)}"
+        raise _error(spec, readings - 1, "corrected_poses()", expected, poses)
+
+
 def _is_array(value: object, size: int) -> TypeGuard[np.ndarray]:
     return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype.kind in "fiu"
 
@@ -55,7 +67,9 @@ def _error(spec: MapperSpec, reading: int, name: str, expected: str, value: obje
     if not isinstance(value, np.ndarray):
         found = f"a {type(value).__name__}, {value!r}"
     elif value.size > _WAY_HOME:
-        found = f"an array of shape {value.shape}"
+        strange = np.argwhere(~np.isfinite(value)) if value.dtype.kind == "f" else ()
+        what = f"an array of shape {value.shape}"
+        found = f"{what}, not finite at {tuple(strange[0].tolist())}" if len(strange) else what
     else:
         found = str(value.tolist())
     return InputError(f"mapper {spec.name}", expected, found, place=f"{when}, {name}")

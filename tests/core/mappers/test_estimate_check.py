@@ -10,6 +10,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.mappers import registry
+from albot_core.mappers.estimate_check import check_corrected_poses
 from albot_core.mappers.mapper import Estimate, MapperBatch
 from albot_core.mappers.registry import MAPPERS, make_mappers, mapper_spec, register_mapper
 from albot_core.sensing.reading import Readings
@@ -104,6 +105,24 @@ def test_before_the_first_reading_too(monkeypatch, batch):
     monkeypatch.setattr(f"{__name__}.BAD", -1)
     with pytest.raises(InputError, match=r"^mapper odd, before the first reading, estimate\.pose:"):
         make_mappers("odd", 1)
+
+
+@pytest.mark.parametrize(
+    ("poses", "found"),
+    [
+        (np.zeros((4, 3)), r"an array of shape \(4, 3\)"),
+        (np.zeros((5, 2)), r"an array of shape \(5, 2\)"),
+        (np.array([[0.0, 0.0, NAN]] * 5), r"an array of shape \(5, 3\), not finite at \(0, 2\)"),
+        (np.zeros((5, 3), bool), r"an array of shape \(5, 3\)"),
+        ([(0.0, 0.0, 0.0)] * 5, "a list, .*"),
+    ],
+)
+def test_corrected_poses_are_three_finite_numbers_a_reading(poses, found):
+    spec = MAPPERS["graph-slam"]
+    check_corrected_poses(np.zeros((5, 3)), spec, 5)
+    expected = r"^mapper graph-slam, reading 4, corrected_poses\(\): expected an array of finite"
+    with pytest.raises(InputError, match=rf"{expected} .* \(5, 3\), found {found}$"):
+        check_corrected_poses(poses, spec, 5)
 
 
 def test_where_the_mapper_is_right_nothing_is_said(batch):
