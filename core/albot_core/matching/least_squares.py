@@ -44,10 +44,15 @@ def stiff(motion: float, turn: float) -> Equations:
 
 
 @kernel()
-def held(correction: np.ndarray, motion: float, turn: float) -> Equations:
-    """Return equations that pull the step to undo a correction (3,); weights as for `stiff`."""
-    x, y, t = -motion * correction[0], -motion * correction[1], -turn * correction[2]
-    return Equations(motion, 0.0, motion, 0.0, 0.0, turn, x, y, t)
+def held(
+    correction: np.ndarray, goal: tuple[float, float], motion: float, turn: float
+) -> Equations:
+    """Return equations that pull the step to bring a correction (3,) to a goal and no turn.
+
+    The goal is (x, y) (m); weights as for `stiff`.
+    """
+    x, y = motion * (goal[0] - correction[0]), motion * (goal[1] - correction[1])
+    return Equations(motion, 0.0, motion, 0.0, 0.0, turn, x, y, -turn * correction[2])
 
 
 @kernel()

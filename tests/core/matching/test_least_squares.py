@@ -38,13 +38,14 @@ def test_a_step_is_that_of_least_squares() -> None:
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
     seen, wall = row_of(2.0, -1.0, 2.1, 1.5), row_of(2.05, -1.4, 2.05, 2.0)
     post, landmark = row_of(3.0, 1.0, 4.0, 1.2), row_of(3.1, 1.05, 4.0, 1.2)
-    equations = held(correction, MOTION, TURN)
+    goal = np.array((0.05, 0.04, 0.0))
+    equations = held(correction, (0.05, 0.04), MOTION, TURN)
     equations = pulled_by_line(equations, seen, wall, correction, cos, sin)
     equations = pulled_by_point(equations, 0, post, landmark, correction, cos, sin)
 
     # Rows of slopes, residuals and weights: what holds the step, both ends, and the point.
     slopes = [np.eye(3)[axis] for axis in range(3)]
-    residuals, weights = list(-correction), [MOTION, MOTION, TURN]
+    residuals, weights = list(goal - correction), [MOTION, MOTION, TURN]
     for end in range(2):  # Both ends of what is seen lie beside the wall, which runs along +y.
         arm = turned(*seen[2 * end : 2 * end + 2], correction[2])
         off = wall[0] - correction[0] - arm[0]
@@ -66,7 +67,7 @@ def test_a_step_is_that_of_least_squares() -> None:
 def test_what_nothing_pulls_stays() -> None:
     assert solved(stiff(1.0, 2.0)) == (0.0, 0.0, 0.0)
     back = np.array((0.1, -0.2, 0.05))
-    np.testing.assert_allclose(solved(held(back, MOTION, TURN)), -back)
+    np.testing.assert_allclose(solved(held(back, (0.0, 0.0), MOTION, TURN)), -back)
 
 
 def test_a_wall_seen_from_behind_pulls_nothing() -> None:

@@ -41,8 +41,8 @@ WIDEST_TURN = np.radians(90.0)
 REACH = 0.5
 """How far around the expected motion others are tried, at least (m)."""
 GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
-"""Without an odometer so many motions are aligned, of so many translations either way, so far apart
-(m)."""
+"""Without an odometer so many motions are aligned at the most, of so many translations either way,
+so far apart (m)."""
 SHIFT_COST = 0.1
 """Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
 of agreeing directions: along a corridor the views cannot tell it."""

@@ -4,7 +4,8 @@ This is ours. The thesis supposes a turn that is right to 5°. How large the err
 differs between robots and floors. So what a match says of the last turn is held against what the
 odometer said, and the running mean square of the difference tells how much a turn costs that
 departs from the odometer's; of the translation, in the same way, how firmly it holds the pose. An
-odometer that has never reported any motion counts as missing.
+odometer that has never reported any motion counts as missing. Then the robot is expected to go on
+as it last did, and its speed tells how firmly that holds the pose.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from albot_core.matching.lines import wrap
 TURN, HAS_MOVED, LAST_X, LAST_Y, SHIFT = 0, 1, 2, 3, 4
 """Places in a robot's row: mean square error of a turn (rad²), 1 once the odometer has reported a
 motion, the last translation by the views (m; the frame of the view before), and the mean square
-error of a translation along each axis (m²)."""
+error of a translation along each axis (m²); without an odometer, so the mean square translation."""
 UNSIGNED = [TURN, HAS_MOVED, SHIFT]
 """Those that are never below 0."""
 ROW = 5
@@ -28,6 +29,9 @@ FIRST_TURN_ERROR = np.radians(5.0)
 """Error (rad) of an odometer of which nothing is known yet, root mean square."""
 FIRST_SHIFT_ERROR = 0.05
 """Likewise for a translation along each axis (m)."""
+FIRST_SPEED = 0.5
+"""Translation between two views (m) of a robot without an odometer of which nothing is known yet,
+root mean square along each axis."""
 STILL = 1e-9
 """A motion up to this (m, rad) is none but for rounding."""
 MEMORY = 30.0
@@ -40,7 +44,7 @@ def unknown_odometer() -> np.ndarray:
     """A robot's row (ROW,) before its first view."""
     row = np.zeros(ROW)
     row[TURN] = FIRST_TURN_ERROR**2
-    row[SHIFT] = FIRST_SHIFT_ERROR**2
+    row[SHIFT] = FIRST_SPEED**2
     return row
 
 
@@ -52,15 +56,18 @@ def turn_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
 
 @kernel()
 def shift_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
-    """The standard deviation (m) by which the odometer's translation holds the pose."""
+    """The standard deviation (m) by which the expected translation holds the pose."""
     return float(max(SHIFT_SCALE * np.sqrt(odometer[SHIFT]), limits.motion_error))
 
 
 @kernel()
 def note_motion(odometer: np.ndarray, motion: np.ndarray) -> None:
     """Note whether the odometer has ever reported a motion."""
+    if odometer[HAS_MOVED] > 0.0:
+        return
     if abs(motion[0]) > STILL or abs(motion[1]) > STILL or abs(motion[2]) > STILL:
         odometer[HAS_MOVED] = 1.0
+        odometer[SHIFT] = FIRST_SHIFT_ERROR**2
 
 
 _moved = scratch(3)

@@ -12,7 +12,8 @@ real logs the turn often is not so good. Here
 
 How sure a match is decides how widely to search. Where two turns are about as likely both are
 aligned; where little of the view is explained, the odometer's motion is, and motions farther off
-are, one after another.
+are, one after another. Without an odometer so are all motions that are nearly as likely as the
+likeliest.
 
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
@@ -21,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import rotate
+from albot_core.geometry.pose_kernels import rotate, rotate_back
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose, relative_pose
@@ -42,6 +43,8 @@ from albot_core.mappers.albot1.perceptual_map.motion_search import (
 from albot_core.mappers.albot1.perceptual_map.near_walls import list_ends_near, list_walls_along
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
+    LAST_X,
+    LAST_Y,
     shift_scale,
     turn_scale,
 )
@@ -69,7 +72,9 @@ from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.view import NO_EDGE
 
 NEARLY = 0.15
-"""A turn is nearly as likely as another with a score no more than this below it."""
+"""A turn is nearly as likely as another with a score no more than this below it…"""
+GUESS_NEARLY = 0.5
+"""…and without an odometer, where the translation has to be found as well, no more than this."""
 REACH_COST = 0.1
 """What motions of other translations cost, in shares of the view."""
 SAME_WORTH = 1e-6
@@ -145,6 +150,8 @@ def match_submap(
         is_first_search = not is_missing and k < BY_TURN
         if score == -np.inf or (is_first_search and score < first - NEARLY):
             continue
+        if is_missing and share >= limits.unsure and score < first - GUESS_NEARLY:
+            break
         if is_first_search:
             turns[k] = turn
         remembered, its_share = _align(trial, turn, *scene)
@@ -195,7 +202,8 @@ def _align(
     """Steps 2 and 3, from where `motion` and a further turn lead.
 
     Sets `current.pose` to there, and its correction. Returns how many walls are remembered there,
-    and the share of the walls in view that lies on what is expected.
+    and the share of the walls in view that lies on what is expected. The pose is held there, or,
+    without an odometer, where the robot would be if it went on as it last did.
     """
     compose_pose(previous.pose, motion, current.pose)
     current.pose[2] = wrap(current.pose[2] + turn)
@@ -205,10 +213,14 @@ def _align(
     correction[0] = correction[1] = correction[2] = 0.0
     motion_weight = 1.0 / shift_scale(odometer, limits) ** 2
     turn_weight = 1.0 / limits.turn_error**2
+    goal = 0.0, 0.0
+    if odometer[HAS_MOVED] == 0.0:
+        x, y = odometer[LAST_X] - motion[0], odometer[LAST_Y] - motion[1]
+        goal = rotate_back(np.cos(motion[2] + turn), np.sin(motion[2] + turn), x, y)
     for _ in range(ROUNDS):
         moved = correction, np.cos(correction[2]), np.sin(correction[2])
         match_landmarks(current.edges, seen, pm.edges, remembered, *moved, limits, buffers)
-        equations = held(correction, motion_weight, turn_weight)
+        equations = held(correction, goal, motion_weight, turn_weight)
         equations = _pulled_by_landmarks(equations, seen, expected, buffers.landmarks, *moved)
         equations, share = _pulled_by_walls(
             equations, seen, expected, remembered, beam_model, wide, *moved, buffers

@@ -87,7 +87,9 @@ def localize_jointly(
     correction = np.zeros(3)
     for _ in range(ITERATIONS):
         turned_cos, turned_sin = np.cos(correction[2]), np.sin(correction[2])
-        equations = held(correction, 1.0 / limits.motion_error**2, 1.0 / limits.turn_error**2)
+        equations = held(
+            correction, (0.0, 0.0), 1.0 / limits.motion_error**2, 1.0 / limits.turn_error**2
+        )
         for k in range(found):
             wall, args = expected[k], (correction, turned_cos, turned_sin)
             equations = pulled_by_point(equations, sides[k], seen[k], wall, *args)

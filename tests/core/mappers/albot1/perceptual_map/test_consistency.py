@@ -12,7 +12,9 @@ from albot_core.mappers.albot1.perceptual_map.consistency import (
 )
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView, empty_view
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
+    FIRST_SHIFT_ERROR,
     HAS_MOVED,
+    SHIFT,
     unknown_odometer,
 )
 
@@ -71,7 +73,7 @@ def count(
     has_moved: bool = True,
 ) -> int:
     odometer = unknown_odometer()
-    odometer[HAS_MOVED] = has_moved
+    odometer[HAS_MOVED], odometer[SHIFT] = has_moved, FIRST_SHIFT_ERROR**2
     return inconsistent_views(before, agreement, STILL, odometer, previous, current, OURS)
 
 

@@ -27,6 +27,8 @@ from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
 from tests.core.scenes import FURNITURE, ROOM, scan_from
 
+OURS = Albot1Config()
+
 
 def slow_match(
     seen: Rows, expected: Rows, correction: np.ndarray, limits: Albot1Limits
@@ -123,6 +125,22 @@ def test_without_an_odometer_the_views_tell_the_motion() -> None:
         error = relative(pose, mapper.estimate.pose)
         assert np.hypot(*error[:2]) < 0.05
         assert abs(np.degrees(error[2])) < 1.0
+
+
+def test_without_an_odometer_a_robot_goes_on_in_a_bare_corridor_as_it_came() -> None:
+    # The laser sees ahead only: from the twelfth view on nothing but two walls without an end.
+    corridor = [(-3.0, -1.0, 90.0, -1.0), (90.0, 1.2, -3.0, 1.2)]
+    posts = [(x, y, x, y + 0.5 * (1 if y < 0 else -1)) for x in (2.0, 4.0) for y in (-1.0, 1.2)]
+    walls = np.array(corridor + [post[end:] + post[:end] for post in posts for end in (0, 2)])
+    # Where a wall is met at too grazing an angle is no mark to go by.
+    config = replace(OURS, view=replace(OURS.view, grazing_ends=False))
+    rng, mapper, step = np.random.default_rng(0), Albot1(config), 0.35
+    for k in range(30):
+        scan = scan_from(np.array((step * k, 0.0, 0.0)), walls)
+        laser = replace(scan, ranges=scan.ranges + rng.normal(0, 0.005, scan.ranges.shape))
+        mapper.update(Reading(stamp=0.3 * k, motion=np.zeros(3), laser=laser))
+    assert mapper.estimate.pose[0] == pytest.approx(29 * step, abs=1.5)
+    assert abs(mapper.estimate.pose[1]) < 0.2
 
 
 @pytest.mark.parametrize("degrees", [1.0, 2.0])
