@@ -38,17 +38,18 @@ def fit_line(
     last: int,
     eye: tuple[float, float],
     model: BeamModel,
+    weights: np.ndarray,
     line: np.ndarray,
 ) -> None:
     """Fit a line to points first..last by total least squares: line = x, y, dx, dy.
 
     (x, y) is the points' mean; the unit direction (dx, dy) runs from first to last. The laser is at
-    `eye`.
+    `eye`. `weights` (points,) is a scratch buffer.
     """
     aside = _aside(points, first, last, eye)
     n = mx = my = 0.0
     for i in range(first, last + 1):
-        w = _weight(points, i, eye, model, aside)
+        w = weights[i] = _weight(points, i, eye, model, aside)
         n += w
         mx += w * points[i, 0]
         my += w * points[i, 1]
@@ -56,7 +57,7 @@ def fit_line(
     my /= n
     sxx = sxy = syy = 0.0
     for i in range(first, last + 1):
-        w = _weight(points, i, eye, model, aside)
+        w = weights[i]
         x, y = points[i, 0] - mx, points[i, 1] - my
         sxx += w * x * x
         sxy += w * x * y

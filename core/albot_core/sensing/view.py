@@ -142,11 +142,11 @@ def extract_surfaces(
     """
     gap, size, height, shortest, fewest, incidence, bend = thresholds
     eye = mount_x, mount_y
-    points, beams, gaps, stack, spans, lines, raw, kept = buffers
+    points, beams, gaps, stack, spans, weights, lines, raw, kept = buffers
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, model, points, beams)
     set_gaps(ranges, directions, beams[:seen], gap, incidence, gaps)
     formed = segment_points(points, seen, gaps, size, height, bend, stack, spans)
-    form_surfaces(points, spans, formed, fit, height, eye, model, lines, raw)
+    form_surfaces(points, spans, formed, fit, height, eye, model, weights, lines, raw)
     count = ZERO
     for k in range(formed):
         if count == surfaces.shape[0]:
@@ -181,6 +181,8 @@ class ViewBuffers(NamedTuple):
     """(beams + 1, 2) int64: first and last points of pieces still to be checked for a break."""
     spans: np.ndarray
     """(2 beams + 2, 3) int64: see `segment_points`."""
+    weights: np.ndarray
+    """(beams,) float64: how much each point counts for its line."""
     lines: np.ndarray
     """(2 beams + 2, 4) float64: see `form_surfaces`."""
     raw: np.ndarray
@@ -199,6 +201,7 @@ def make_view_buffers(beams: int) -> ViewBuffers:
         np.empty(beams),
         np.empty((beams + 1, 2), np.int64),
         np.empty((spans, 3), np.int64),
+        np.empty(beams),
         np.empty((spans, 4)),
         np.empty((spans, 4)),
         np.empty(spans, np.int64),
@@ -214,10 +217,13 @@ def form_surfaces(
     break_height: float,
     eye: tuple[float, float],
     model: BeamModel,
+    weights: np.ndarray,
     lines: np.ndarray,
     surfaces: np.ndarray,
 ) -> None:
     """Step 4: form one surface per span; write the fitted lines to `lines` (count, 4).
+
+    `weights` (points,) is a scratch buffer.
 
     Without `fit`, a surface runs from the span's first point to its last. With `fit`, the
     surface lies on the line fitted to all the span's points. Two surfaces that share a break
@@ -233,7 +239,7 @@ def form_surfaces(
         first, last = spans[k, 0], spans[k, 1]
         # The shared break point may belong to the neighbour alone, so longer fits leave it out.
         trim = 1 if last - first >= 4 else 0
-        fit_line(points, first + trim, last - trim, eye, model, lines[k])
+        fit_line(points, first + trim, last - trim, eye, model, weights, lines[k])
         surfaces[k, 0], surfaces[k, 1] = _foot(lines[k], surfaces[k, 0], surfaces[k, 1])
         surfaces[k, 2], surfaces[k, 3] = _foot(lines[k], surfaces[k, 2], surfaces[k, 3])
     for k in range(1, count):

@@ -30,7 +30,7 @@ def _weight_of(point: np.ndarray, aside: float, model: BeamModel) -> float:
 def test_a_line_is_the_first_principal_axis(model: BeamModel, seed: int) -> None:
     rng = np.random.default_rng(seed)
     points, eye, line = wall(0.0, rng, 0.03), (0.3, 0.1), np.empty(4)
-    fit_line(points, 2, len(points) - 3, eye, model, line)
+    fit_line(points, 2, len(points) - 3, eye, model, np.empty(len(points)), line)
     used = points[2:-2]
     run = (used[-1] - used[0]) / np.hypot(*(used[-1] - used[0]))
     aside = float((used[0] - eye) @ (-run[1], run[0]))
@@ -47,7 +47,7 @@ def test_a_line_is_the_first_principal_axis(model: BeamModel, seed: int) -> None
 def test_a_range_of_0_has_no_weight() -> None:
     points, line = wall(0.0, np.random.default_rng(0), noise=0.0) - (0.0, 2.0), np.empty(4)
     points[10] = (0.4, 0.0)  # at the laser, on the line of a wall that leads to it
-    fit_line(points, 0, len(points) - 1, (0.4, 0.0), RAYS, line)
+    fit_line(points, 0, len(points) - 1, (0.4, 0.0), RAYS, np.empty(len(points)), line)
     assert line[2:].tolist() == pytest.approx([1.0, 0.0])
 
 

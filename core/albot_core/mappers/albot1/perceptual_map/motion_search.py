@@ -33,6 +33,8 @@ ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
 """How many motions are aligned at the most: the likeliest turn, and another that is nearly as
 likely; then, as long as no match is sure, the odometer's own, a further turn, and motions of other
 translations."""
+NEARLY = 0.15
+"""A turn is nearly as likely as another with a score no more than this below it."""
 ODD_TURN = 5.0
 """Turns are first sought up to so many times the scale of the odometer's errors: a misread view
 fits somewhere, too, but seldom where the odometer may have led."""
@@ -43,6 +45,9 @@ REACH = 0.5
 GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
 """Without an odometer so many motions are aligned at the most, of so many translations either way,
 so far apart (m)."""
+GUESS_NEARLY = 0.5
+"""There, where the translation has to be found as well, a motion is nearly as likely as another
+with a score no more than this below it."""
 SHIFT_COST = 0.1
 """Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
 of agreeing directions: along a corridor the views cannot tell it."""
@@ -74,21 +79,35 @@ def propose_motion(
     known = (scale, directions, odometer, buffers, scores, shifts)
     if odometer[HAS_MOVED] == 0.0:
         if k == 0:
-            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
+            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, np.inf, *known)
     elif k == 0:
         widest = min(limits.turn_search, ODD_TURN * scale)
-        search_motions(previous, motion, 0, 0.0, widest, *known)
+        search_motions(previous, motion, 0, 0.0, widest, NEARLY, *known)
     elif k == ALWAYS:
         # The two views may hardly agree under any turn; the map may know better.
         copy_pose(motion, trial)
         return first, 0.0
     elif k == BY_TURN:
         reach = max(REACH, 2.0 * shift_scale(odometer, limits))
-        search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
+        search_motions(previous, motion, 1, reach, WIDEST_TURN, np.inf, *known)
     score, turn = take_motion(scores, shifts, motion, trial)
     while score > -np.inf and _is_aligned(turn, trial, motion, turns):
         score, turn = take_motion(scores, shifts, motion, trial)
     return score, turn
+
+
+@kernel()
+def is_likely(k: int, score: float, first: float, is_sure: bool, odometer: np.ndarray) -> bool:
+    """Whether the `k`-th motion is likely enough to be aligned, where `first` is the first's score.
+
+    Turns under the odometer's translation are where they are nearly as likely as the first. Motions
+    of other translations are; without an odometer, once a match `is_sure`, only likely ones.
+    """
+    if score == -np.inf:
+        return False
+    if odometer[HAS_MOVED] == 0.0:
+        return not is_sure or score >= first - GUESS_NEARLY
+    return k >= BY_TURN or score >= first - NEARLY
 
 
 @kernel()
@@ -108,6 +127,7 @@ def search_motions(
     cells: int,
     spacing: float,
     widest: float,
+    nearly: float,
     scale: float,
     directions: int,
     odometer: np.ndarray,
@@ -123,6 +143,7 @@ def search_motions(
         cells: So many translations either way along each axis are tried around the motion's…
         spacing: …so far apart (m).
         widest: The largest turn (rad) that is added to the motion's.
+        nearly: Turns whose score is farther than this below the best one may be left out.
         scale: That of the odometer's errors of turn (rad).
         directions: In how many directions the view sees a wall.
         odometer: What has been learnt of it.
@@ -140,7 +161,8 @@ def search_motions(
         trial[1] = motion[1] + spacing * (cell % side - cells)
         total = describe_previous(previous, trial, 0, buffers)
         fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
-        score_turns(buffers.profiles[0], directions, buffers.profiles[1], widest, scale, of_one)
+        profiles = buffers.profiles[0], directions, buffers.profiles[1]
+        score_turns(*profiles, widest, scale, of_one, nearly)
         cost = shift_cost(trial, odometer)
         for place in range(TURNS):
             if of_one[place] - cost > scores[place]:

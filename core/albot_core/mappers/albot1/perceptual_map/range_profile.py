@@ -108,27 +108,35 @@ def score_turns(
     widest: float,
     scale: float,
     scores: np.ndarray,
+    nearly: float = np.inf,
 ) -> None:
     """Write each turn's score, its agreement less its cost, to `scores` (TURNS,).
 
-    The turn (rad) is what to add to the expected one; -inf stands for turns beyond `widest`.
+    The turn (rad) is what to add to the expected one; -inf stands for turns beyond `widest`, and
+    for those whose cost alone puts them farther than `nearly` below the best score.
     """
     bins = min(int(widest / BIN), BINS // 2)
     for place in range(TURNS):
         scores[place] = -np.inf
-    for turn in range(-bins, bins + 1):
-        score = agreement(seen, directions, expected, turn)
-        scores[turn + BINS // 2] = score - turn_cost(turn * BIN, scale)
+    best = -np.inf
+    for turn in range(bins + 1):
+        cost = turn_cost(turn * BIN, scale)
+        # No agreement is above 1, and wider turns cost more.
+        if 1.0 - cost < best - nearly:
+            break
+        for either in (turn, -turn):
+            score = agreement(seen, directions, expected, either) - cost
+            scores[either + BINS // 2] = score
+            best = max(best, score)
 
 
 @kernel()
 def take_likeliest(scores: np.ndarray) -> tuple[int, float]:
     """The best score's place, and the score; it and those beside it (DISTINCT) become -inf."""
-    best = 0
+    best, score = 0, scores[0]
     for place in range(1, TURNS):
-        if scores[place] > scores[best]:
-            best = place
-    score = scores[best]
+        if scores[place] > score:
+            best, score = place, scores[place]
     for place in range(max(best - DISTINCT, 0), min(best + DISTINCT + 1, TURNS)):
         scores[place] = -np.inf
     return int(best), float(score)

@@ -37,6 +37,7 @@ from albot_core.mappers.albot1.perceptual_map.motion_search import (
     GUESSES,
     MOTIONS,
     agreement_after,
+    is_likely,
     propose_motion,
     shift_cost,
 )
@@ -71,10 +72,6 @@ from albot_core.matching.lines import moved_ends, wrap
 from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.view import NO_EDGE
 
-NEARLY = 0.15
-"""A turn is nearly as likely as another with a score no more than this below it…"""
-GUESS_NEARLY = 0.5
-"""…and without an odometer, where the translation has to be found as well, no more than this."""
 REACH_COST = 0.1
 """What motions of other translations cost, in shares of the view."""
 SAME_WORTH = 1e-6
@@ -140,6 +137,7 @@ def match_submap(
     turns[:] = np.nan
     share = best = first = 0.0
     kept = aligned = remembered = 0
+    profile = directions, buffers
     known = (scale, directions, odometer, buffers, scores, shifts)
     scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
     for k in range(GUESSES if is_missing else MOTIONS):
@@ -148,19 +146,19 @@ def match_submap(
         score, turn = propose_motion(k, first, previous, motion, limits, *known, turns, trial)
         first = score if k == 0 else first
         is_first_search = not is_missing and k < BY_TURN
-        if score == -np.inf or (is_first_search and score < first - NEARLY):
+        if not is_likely(k, score, first, share >= limits.unsure, odometer):
             continue
-        if is_missing and share >= limits.unsure and score < first - GUESS_NEARLY:
-            break
         if is_first_search:
             turns[k] = turn
+        if k > 0 and aligned == 0:
+            # Only now, for mostly the first motion has no rival.
+            best += PROFILE_WEIGHT * _agreement_there(previous, start, chosen, *profile)
         remembered, its_share = _align(trial, turn, *scene)
         aligned = k
         worth = its_share - turn_cost(turn, scale) - shift_cost(trial, odometer)
         worth -= 0.0 if is_first_search or is_missing else REACH_COST
-        worth += PROFILE_WEIGHT * _agreement_there(
-            previous, current.pose, correction, directions, buffers
-        )
+        if k > 0:
+            worth += PROFILE_WEIGHT * _agreement_there(previous, current.pose, correction, *profile)
         if k == 0 or worth > best + SAME_WORTH:
             best, share, kept = worth, its_share, k
             copy_pose(correction, chosen)

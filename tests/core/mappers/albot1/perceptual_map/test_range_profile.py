@@ -41,10 +41,12 @@ def profile_of(surfaces: np.ndarray, unseen: int) -> np.ndarray:
     return profile
 
 
-def scores_of(seen: np.ndarray, expected: np.ndarray, widest: float, scale: float) -> np.ndarray:
+def scores_of(
+    seen: np.ndarray, expected: np.ndarray, widest: float, scale: float, nearly: float = np.inf
+) -> np.ndarray:
     """The scores (TURNS,) of all turns between two profiles (3 BINS,)."""
     scores, directions = np.empty(TURNS), int((seen[:BINS] != UNSEEN_HERE).sum())
-    score_turns(seen, directions, expected, widest, scale, scores)
+    score_turns(seen, directions, expected, widest, scale, scores, nearly)
     return scores
 
 
@@ -88,6 +90,21 @@ def test_the_scores_are_those_of_a_slow_comparison(seed: int, scale: float, wide
             slow[place] = (1 - (1 + PENALTY) * off).sum() / enough - cost
     scores = scores_of(np.tile(seen, 3), np.tile(expected, 3), widest, scale)
     np.testing.assert_allclose(scores, slow, atol=1e-9)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 10**6), st.floats(0.02, 1.0), st.sampled_from([0.0, 0.15, 0.5]))
+def test_turns_that_are_left_out_are_far_below_the_best(
+    seed: int, scale: float, nearly: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    seen = profile_of(a_room(0.0, rng), UNSEEN_HERE)
+    there = profile_of(a_room(rng.uniform(-0.5, 0.5), np.random.default_rng(seed)), UNSEEN_THERE)
+    every = scores_of(seen, there, WIDEST, scale)
+    scores = scores_of(seen, there, WIDEST, scale, nearly)
+    is_left_out = scores == -np.inf
+    assert (every[is_left_out] < every.max() - nearly).all()
+    np.testing.assert_array_equal(scores[~is_left_out], every[~is_left_out])
 
 
 @pytest.mark.parametrize("degrees", [-45.0, -24.0, 0.0, 12.0, 24.0, 45.0])
