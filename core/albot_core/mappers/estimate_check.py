@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from typing import TypeGuard
 
 import numpy as np
@@ -65,10 +66,11 @@ def _is_array(value: object, size: int) -> TypeGuard[np.ndarray]:
 def _error(spec: MapperSpec, reading: int, name: str, expected: str, value: object) -> InputError:
     when = f"reading {reading}" if reading >= 0 else "before the first reading"
     if not isinstance(value, np.ndarray):
-        found = f"a {type(value).__name__}, {value!r}"
+        found = f"a {type(value).__name__}, {reprlib.repr(value)}"
     elif value.size > _WAY_HOME:
         strange = np.argwhere(~np.isfinite(value)) if value.dtype.kind == "f" else ()
-        what = f"an array of shape {value.shape}"
+        kind = "" if value.dtype.kind in "fiu" else f" of {value.dtype}"
+        what = f"an array{kind} of shape {value.shape}"
         found = f"{what}, not finite at {tuple(strange[0].tolist())}" if len(strange) else what
     else:
         found = str(value.tolist())

@@ -123,7 +123,8 @@ class Albot1Config:
     """Thresholds of Albot1. `Albot1Config.thesis()` are the thesis's, to the letter.
 
     The defaults depart from it in these ways. Surfaces lie on the line of all their points. The
-    robot's own place belongs to the boundary of its view. The odometer's turn is searched
+    robot's own place belongs to the boundary of its view. Walls are extended only as far as they
+    are straight. The odometer's turn is searched
     anew, because in real logs it is often off by more than the 5° that recognition allows. All
     that is remembered nearby localises the robot. Places are compared more strictly.
     """
@@ -180,9 +181,10 @@ class Albot1Config:
     short new surface swings a long old wall about (`albot experiment run albot1-readings`)."""
     join_height: float = 0.05
     """A remembered surface is drawn together with the view's only where the wall stays straight:
-    where the view's end lies no farther than this from the line to the remembered end (m). The
-    walls on both sides of an alcove pass as one wall (within `landmark_gap` and `landmark_angle`);
-    a single surface would lie beside both of them, and pull the next views along. On Intel and
+    where the outer end of the view's surface lies no farther than this (m) from the straight line
+    between its other end and the remembered outer end. The walls on both sides of an alcove pass as
+    one wall (within `landmark_gap` and `landmark_angle`); a single surface would lie beside both of
+    them, and pull the next views along. It has no effect with `keeps_outer_end` off. On Intel and
     Wean Hall errors are nearly alike from 0.03 to 0.10 m. Infinite, so without effect, in
     `albot1-thesis`, and in `albot1-tracked`, which matches nothing with walls in the map."""
     covered_is_reobserved: bool = False

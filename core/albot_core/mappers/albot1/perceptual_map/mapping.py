@@ -41,6 +41,7 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
     learn_error,
     note_motion,
+    note_translation,
 )
 from albot_core.mappers.albot1.perceptual_map.overlay import (
     bend_height,
@@ -200,9 +201,9 @@ def update_map(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> No
 
     Surfaces with both ends inside the view's boundary are removed. Of those with one end
     inside the part outside stays: drawn together with the view's surface of the same wall
-    where there is one, cut at the boundary where there is none. Ours is that a wall which would be
-    bent by more than `join_height` is cut as well. Then the rest of the view
-    is added, and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
+    where there is one, cut at the boundary where there is none. Not in the thesis: a wall that
+    would be bent by more than `join_height` is cut as well. Then the rest of the view is added,
+    and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
     """
     count = view.size[0]
     in_map = np.empty((count, 4))
@@ -336,8 +337,7 @@ def map_step(
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
         if limits.submap_matching:
-            is_sure = agreement >= limits.unsure
-            learn_error(odometer, previous.pose, motion, current.pose, is_sure)
+            _learn_of_odometer(previous, current, motion, agreement, odometer, progress, limits)
             _check_consistency(previous, current, motion, agreement, odometer, progress, limits)
     if progress[INCONSISTENT] == 1:
         return
@@ -345,6 +345,23 @@ def map_step(
         update_map(pm, current, limits)
         progress[UPDATED_AT] = step
         progress[UPDATES] += 1
+
+
+@kernel()
+def _learn_of_odometer(
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    agreement: float,
+    odometer: np.ndarray,
+    progress: np.ndarray,
+    limits: Albot1Limits,
+) -> None:
+    """Learn from a match, if it is sure; not where to go on to if the view before was misread."""
+    is_sure = agreement >= limits.unsure
+    learn_error(odometer, previous.pose, motion, current.pose, is_sure)
+    if is_sure and progress[INCONSISTENT] == 0:
+        note_translation(odometer, previous.pose, current.pose)
 
 
 @kernel()

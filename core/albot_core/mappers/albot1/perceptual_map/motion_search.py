@@ -46,8 +46,8 @@ GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
 """Without an odometer so many motions are aligned at the most, of so many translations either way,
 so far apart (m)."""
 GUESS_NEARLY = 0.5
-"""There, where the translation has to be found as well, a motion is nearly as likely as another
-with a score no more than this below it."""
+"""Without an odometer, where the translation has to be found as well, a motion is nearly as likely
+as another with a score no more than this below it."""
 SHIFT_COST = 0.1
 """Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
 of agreeing directions: along a corridor the views cannot tell it."""
@@ -100,8 +100,9 @@ def propose_motion(
 def is_likely(k: int, score: float, first: float, is_sure: bool, odometer: np.ndarray) -> bool:
     """Whether the `k`-th motion is likely enough to be aligned, where `first` is the first's score.
 
-    Turns under the odometer's translation are where they are nearly as likely as the first. Motions
-    of other translations are; without an odometer, once a match `is_sure`, only likely ones.
+    With an odometer a motion of its translation is aligned if its score is at most NEARLY below the
+    first's, and one of another translation always. Without an odometer every motion is as long as
+    no match `is_sure`; then only one whose score is at most GUESS_NEARLY below the first's.
     """
     if score == -np.inf:
         return False

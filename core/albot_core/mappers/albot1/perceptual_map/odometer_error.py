@@ -4,8 +4,9 @@ This is ours. The thesis supposes a turn that is right to 5°. How large the err
 differs between robots and floors. So what a match says of the last turn is held against what the
 odometer said, and the running mean square of the difference tells how much a turn costs that
 departs from the odometer's; of the translation, in the same way, how firmly it holds the pose. An
-odometer that has never reported any motion counts as missing. Then the robot is expected to go on
-as it last did, and its speed tells how firmly that holds the pose.
+odometer that has never reported any motion counts as missing. Without an odometer the robot is
+expected to make the same translation, in its own frame, as between the last two views that were
+surely matched. The farther it has moved of late, the more loosely this holds the pose.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from albot_core.matching.lines import wrap
 TURN, HAS_MOVED, LAST_X, LAST_Y, SHIFT = 0, 1, 2, 3, 4
 """Places in a robot's row: mean square error of a turn (rad²), 1 once the odometer has reported a
 motion, the last translation by the views (m; the frame of the view before), and the mean square
-error of a translation along each axis (m²); without an odometer, so the mean square translation."""
+error of a translation along each axis (m²); without an odometer half the mean square length of the
+translation."""
 UNSIGNED = [TURN, HAS_MOVED, SHIFT]
 """Those that are never below 0."""
 ROW = 5
@@ -29,7 +31,7 @@ FIRST_TURN_ERROR = np.radians(5.0)
 """Error (rad) of an odometer of which nothing is known yet, root mean square."""
 FIRST_SHIFT_ERROR = 0.05
 """Likewise for a translation along each axis (m)."""
-FIRST_SPEED = 0.5
+FIRST_TRANSLATION = 0.5
 """Translation between two views (m) of a robot without an odometer of which nothing is known yet,
 root mean square along each axis."""
 STILL = 1e-9
@@ -44,7 +46,7 @@ def unknown_odometer() -> np.ndarray:
     """A robot's row (ROW,) before its first view."""
     row = np.zeros(ROW)
     row[TURN] = FIRST_TURN_ERROR**2
-    row[SHIFT] = FIRST_SPEED**2
+    row[SHIFT] = FIRST_TRANSLATION**2
     return row
 
 
@@ -62,7 +64,7 @@ def shift_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
 
 @kernel()
 def note_motion(odometer: np.ndarray, motion: np.ndarray) -> None:
-    """Note whether the odometer has ever reported a motion."""
+    """Note whether the odometer has ever reported a motion; its translations' error starts then."""
     if odometer[HAS_MOVED] > 0.0:
         return
     if abs(motion[0]) > STILL or abs(motion[1]) > STILL or abs(motion[2]) > STILL:
@@ -82,11 +84,18 @@ def learn_error(
     is_sure: bool,
 ) -> None:
     """Learn from where the views led, from one pose to another, and the odometer's `motion`."""
-    moved = _moved()
-    relative_pose(previous, current, moved)
-    odometer[LAST_X], odometer[LAST_Y] = moved[0], moved[1]
     if is_sure:
+        moved = _moved()
+        relative_pose(previous, current, moved)
         off = wrap(moved[2] - motion[2])
         odometer[TURN] += (off * off - odometer[TURN]) / MEMORY
         dx, dy = moved[0] - motion[0], moved[1] - motion[1]
         odometer[SHIFT] += (0.5 * (dx * dx + dy * dy) - odometer[SHIFT]) / MEMORY
+
+
+@kernel()
+def note_translation(odometer: np.ndarray, previous: np.ndarray, current: np.ndarray) -> None:
+    """Note how far the robot went by the views, from one pose to another."""
+    moved = _moved()
+    relative_pose(previous, current, moved)
+    odometer[LAST_X], odometer[LAST_Y] = moved[0], moved[1]

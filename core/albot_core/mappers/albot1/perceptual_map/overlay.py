@@ -150,7 +150,7 @@ def extend_surface(
 
 @kernel()
 def bend_height(new: np.ndarray, drawn_out: np.ndarray, outer: int) -> float:
-    """How far the new surface's end lies from the same surface drawn out beyond it (m)."""
+    """Distance of the new surface's end `outer` from the straight line of `drawn_out` (m)."""
     dx, dy = drawn_out[2] - drawn_out[0], drawn_out[3] - drawn_out[1]
     x, y = new[2 * outer] - drawn_out[0], new[2 * outer + 1] - drawn_out[1]
     return float(abs(dx * y - dy * x) / np.sqrt(dx * dx + dy * dy))

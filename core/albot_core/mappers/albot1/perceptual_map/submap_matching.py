@@ -12,8 +12,8 @@ real logs the turn often is not so good. Here
 
 How sure a match is decides how widely to search. Where two turns are about as likely both are
 aligned; where little of the view is explained, the odometer's motion is, and motions farther off
-are, one after another. Without an odometer so are all motions that are nearly as likely as the
-likeliest.
+are, one after another. Without an odometer all motions found are aligned as long as no match is
+sure; then only those that are about as likely as the likeliest.
 
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
@@ -151,7 +151,7 @@ def match_submap(
         if is_first_search:
             turns[k] = turn
         if k > 0 and aligned == 0:
-            # Only now, for mostly the first motion has no rival.
+            # Only now, for mostly the first motion, which is always aligned, has no rival.
             best += PROFILE_WEIGHT * _agreement_there(previous, start, chosen, *profile)
         remembered, its_share = _align(trial, turn, *scene)
         aligned = k
@@ -201,7 +201,7 @@ def _align(
 
     Sets `current.pose` to there, and its correction. Returns how many walls are remembered there,
     and the share of the walls in view that lies on what is expected. The pose is held there, or,
-    without an odometer, where the robot would be if it went on as it last did.
+    without an odometer, where the robot's last translation would lead once more.
     """
     compose_pose(previous.pose, motion, current.pose)
     current.pose[2] = wrap(current.pose[2] + turn)

@@ -17,6 +17,7 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     TURN,
     learn_error,
     note_motion,
+    note_translation,
     shift_scale,
     turn_scale,
     unknown_odometer,
@@ -33,6 +34,7 @@ def test_the_error_is_a_running_mean_square(turn: float, error: float) -> None:
     learn_error(odometer, HERE, np.array((1.0, 0.0, turn + error)), there, True)
     expected = before + (error**2 - before) / MEMORY
     assert odometer[TURN] == pytest.approx(expected, abs=1e-12)
+    note_translation(odometer, HERE, there)
     assert odometer[[LAST_X, LAST_Y]] == pytest.approx((1.0, 0.0), abs=1e-12)
 
 
@@ -51,7 +53,7 @@ def test_an_odometer_that_slips_holds_the_pose_loosely() -> None:
 def test_an_unsure_match_says_nothing_of_the_odometer() -> None:
     odometer = unknown_odometer()
     learn_error(odometer, HERE, np.array((0.0, 0.0, 0.5)), HERE, False)
-    assert odometer[TURN] == unknown_odometer()[TURN]
+    assert odometer.tolist() == unknown_odometer().tolist()
 
 
 def test_the_search_is_wide_for_a_wild_odometer_and_tight_for_a_clean_one() -> None:

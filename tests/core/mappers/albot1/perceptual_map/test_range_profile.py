@@ -107,6 +107,13 @@ def test_turns_that_are_left_out_are_far_below_the_best(
     np.testing.assert_array_equal(scores[~is_left_out], every[~is_left_out])
 
 
+def test_turns_that_cost_too_much_are_left_out() -> None:
+    profile = profile_of(a_room(0.0, np.random.default_rng(0)), UNSEEN_HERE)
+    every = scores_of(profile, profile, WIDEST, 0.02)
+    scores = scores_of(profile, profile, WIDEST, 0.02, 0.0)
+    assert np.isneginf(scores).sum() > np.isneginf(every).sum()
+
+
 @pytest.mark.parametrize("degrees", [-45.0, -24.0, 0.0, 12.0, 24.0, 45.0])
 def test_a_turn_that_is_far_off_is_found(degrees: float) -> None:
     seen = profile_of(a_room(0.0, np.random.default_rng(3)), UNSEEN_HERE)

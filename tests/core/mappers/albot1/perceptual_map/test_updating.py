@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
+from albot_core.errors import InputError
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.perceptual_map.mapping import update_map
 from albot_core.mappers.albot1.perceptual_map.memory import (
@@ -112,7 +113,13 @@ def test_walls_are_drawn_as_one_only_where_that_is_straight(aside: float, is_one
     assert len(surfaces) == (3 if is_one else 4)
 
 
-def test_a_wall_within_the_views_own_is_replaced_however_far_aside() -> None:
+@pytest.mark.parametrize("height", [-0.01, np.nan])
+def test_a_join_height_is_a_length(height: float) -> None:
+    with pytest.raises(InputError, match=r"join_height: expected a length from 0, found"):
+        Albot1Config(join_height=height)
+
+
+def test_a_wall_beside_which_the_views_own_runs_is_replaced() -> None:
     pm = empty_map(32)
     add_surface(pm, np.array([3.0, 2.3, 0.5, 2.42]), EDGES)
     update_map(pm, view_of(BOX), LIMITS._replace(margin=0.4, join_height=0.0))
