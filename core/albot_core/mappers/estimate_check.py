@@ -68,10 +68,10 @@ def _error(spec: MapperSpec, reading: int, name: str, expected: str, value: obje
     if not isinstance(value, np.ndarray):
         found = f"a {type(value).__name__}, {reprlib.repr(value)}"
     elif value.size > _WAY_HOME:
-        strange = np.argwhere(~np.isfinite(value)) if value.dtype.kind == "f" else ()
         kind = "" if value.dtype.kind in "fiu" else f" of {value.dtype}"
-        what = f"an array{kind} of shape {value.shape}"
-        found = f"{what}, not finite at {tuple(strange[0].tolist())}" if len(strange) else what
+        found = f"an array{kind} of shape {value.shape}"
+        if value.dtype.kind == "f" and not np.isfinite(value).all():
+            found += f", not finite at {tuple(np.argwhere(~np.isfinite(value))[0].tolist())}"
     else:
         found = str(value.tolist())
     return InputError(f"mapper {spec.name}", expected, found, place=f"{when}, {name}")
