@@ -53,8 +53,12 @@ def check_corrected_poses(poses: object, spec: MapperSpec, readings: int) -> Non
     Raises:
         InputError: They are not an array of finite numbers, three a reading.
     """
-    is_array = isinstance(poses, np.ndarray) and poses.dtype.kind in "fiu"
-    if not (is_array and poses.shape == (readings, _POSE) and np.isfinite(poses).all()):
+    if not (
+        isinstance(poses, np.ndarray)
+        and poses.dtype.kind in "fiu"
+        and poses.shape == (readings, _POSE)
+        and np.isfinite(poses).all()
+    ):
         expected = f"an array of finite numbers, of shape {(readings, _POSE)}"
         raise _error(spec, readings - 1, "corrected_poses()", expected, poses)
 
