@@ -4,7 +4,9 @@ This is ours. Rooms are alike, and two rooms side by side share walls: from a do
 and a place next door matches just where it is expected. So four things are weighed together: how
 much of the structure is the same, whether the robot stands in sight of where it has been in the
 other place, whether so does its way in the present visit, and how far the match lies from where it
-is expected. What hides a breadcrumb is a wall, an exit or a doorway between.
+is expected. What hides a breadcrumb is a wall, an exit or a doorway between. A place that was often
+visited, and not recognised as the other, is probably none: otherwise every visit would be one more
+chance to take it for another.
 
 The weights are those of a logistic regression. The misfit counts as in Student's t distribution:
 mostly the map is where it is expected, but where it was aligned wrongly it is far off.
@@ -70,6 +72,9 @@ class Evidence(NamedTuple):
     through_doorway: bool = False
     """Whether the robot has come through a doorway in the present visit that it did not notice.
     Then what it has seen is of two places, and is neither."""
+    visits: int = 1
+    """How many visits to the present place are remembered, with this one. The odds are divided by
+    it, as by the rule of succession, which no fit has chosen."""
 
     @property
     def probability(self) -> float:
@@ -82,14 +87,16 @@ class Evidence(NamedTuple):
             + OF_NEAREST * self.nearest_in_sight
             + OF_VISIT * self.visit_in_sight
             + log_likelihood(self.misfit)
+            - math.log(self.visits)
         )
         return 1.0 / (1.0 + math.exp(-log_odds))
 
     @property
     def weighed(self) -> dict[str, float]:
-        """All of it, with the probability, by name."""
-        numbers = zip(self._fields, map(float, self), strict=True)
-        return dict(numbers) | {"probability": self.probability}
+        """What an event keeps of it, with the probability, by name."""
+        numbers = dict(zip(self._fields, map(float, self), strict=True))
+        del numbers["visits"]
+        return numbers | {"probability": self.probability}
 
 
 def log_likelihood(misfit: float) -> float:
@@ -133,10 +140,10 @@ def weigh(
     if crosses_any(doorways, way):
         return Evidence(match.share, 0.0, 0.0, misfit, through_doorway=True)
     there = transform_points(from_graph, crumbs.points[crumbs.places == place.id])
-    own = place.exit_lines
+    own, visits = place.exit_lines, network.visits.count(network.current)
     there = there[~on_doorstep(own, there)]
     if not len(there):
-        return Evidence(match.share, UNKNOWN, UNKNOWN, misfit)
+        return Evidence(match.share, UNKNOWN, UNKNOWN, misfit, visits=visits)
     mine = transform_segments(to_place, np.concatenate((network.predicted_exits, exits)))
     lines = np.concatenate((walls, lengthened(own), lengthened(mine), doorways))
     nearest = there[np.argsort(np.hypot(*(there - here).T), kind="stable")[:NEAREST]]
@@ -145,6 +152,7 @@ def weigh(
         nearest_in_sight=share_in_sight(lines, nearest, here[None]),
         visit_in_sight=share_in_sight(lines, way, there),
         misfit=misfit,
+        visits=visits,
     )
 
 

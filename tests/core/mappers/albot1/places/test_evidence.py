@@ -48,6 +48,12 @@ def test_the_misfit_counts_as_in_students_t_distribution():
         assert odds(misfit) / odds(0.0) == pytest.approx(expected)
 
 
+def test_the_odds_are_divided_by_the_visits():
+    once, often = ALL.probability, ALL._replace(visits=7).probability
+    assert often / (1 - often) == pytest.approx(once / (1 - once) / 7)
+    assert "visits" not in ALL.weighed
+
+
 def test_what_was_seen_from_both_sides_of_a_doorway_says_nothing():
     assert ALL._replace(through_doorway=True).probability == 0.0
 
