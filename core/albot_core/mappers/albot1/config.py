@@ -124,9 +124,9 @@ class Albot1Config:
 
     The defaults depart from it in these ways. Surfaces lie on the line of all their points. The
     robot's own place belongs to the boundary of its view. Walls are extended only as far as they
-    are straight. The odometer's turn is searched
-    anew, because in real logs it is often off by more than the 5° that recognition allows. All
-    that is remembered nearby localises the robot. Places are compared more strictly.
+    are straight. The odometer's turn is searched anew, because in real logs it is often off by more
+    than the 5° that recognition allows. All that is remembered nearby localises the robot. Places
+    are compared more strictly.
     """
 
     view: ViewConfig = field(

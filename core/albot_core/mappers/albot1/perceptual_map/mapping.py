@@ -41,7 +41,6 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
     learn_error,
     note_motion,
-    note_translation,
 )
 from albot_core.mappers.albot1.perceptual_map.overlay import (
     bend_height,
@@ -337,7 +336,8 @@ def map_step(
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
         if limits.submap_matching:
-            _learn_of_odometer(previous, current, motion, agreement, odometer, progress, limits)
+            is_sure, was_misread = agreement >= limits.unsure, progress[INCONSISTENT] > 0
+            learn_error(odometer, previous.pose, motion, current.pose, is_sure, was_misread)
             _check_consistency(previous, current, motion, agreement, odometer, progress, limits)
     if progress[INCONSISTENT] == 1:
         return
@@ -345,23 +345,6 @@ def map_step(
         update_map(pm, current, limits)
         progress[UPDATED_AT] = step
         progress[UPDATES] += 1
-
-
-@kernel()
-def _learn_of_odometer(
-    previous: LocatedView,
-    current: LocatedView,
-    motion: np.ndarray,
-    agreement: float,
-    odometer: np.ndarray,
-    progress: np.ndarray,
-    limits: Albot1Limits,
-) -> None:
-    """Learn from a match, if it is sure; not where to go on to if the view before was misread."""
-    is_sure = agreement >= limits.unsure
-    learn_error(odometer, previous.pose, motion, current.pose, is_sure)
-    if is_sure and progress[INCONSISTENT] == 0:
-        note_translation(odometer, previous.pose, current.pose)
 
 
 @kernel()

@@ -82,20 +82,20 @@ def learn_error(
     motion: np.ndarray,
     current: np.ndarray,
     is_sure: bool,
+    was_misread: bool,
 ) -> None:
-    """Learn from where the views led, from one pose to another, and the odometer's `motion`."""
-    if is_sure:
-        moved = _moved()
-        relative_pose(previous, current, moved)
-        off = wrap(moved[2] - motion[2])
-        odometer[TURN] += (off * off - odometer[TURN]) / MEMORY
-        dx, dy = moved[0] - motion[0], moved[1] - motion[1]
-        odometer[SHIFT] += (0.5 * (dx * dx + dy * dy) - odometer[SHIFT]) / MEMORY
+    """Learn from where the views led, from one pose to another, and the odometer's `motion`.
 
-
-@kernel()
-def note_translation(odometer: np.ndarray, previous: np.ndarray, current: np.ndarray) -> None:
-    """Note how far the robot went by the views, from one pose to another."""
+    Nothing is learnt of a match that is not sure. If the previous view `was_misread`, nor is where
+    the robot goes on to: one such view must not send it on in a wrong direction.
+    """
+    if not is_sure:
+        return
     moved = _moved()
     relative_pose(previous, current, moved)
-    odometer[LAST_X], odometer[LAST_Y] = moved[0], moved[1]
+    if not was_misread:
+        odometer[LAST_X], odometer[LAST_Y] = moved[0], moved[1]
+    off = wrap(moved[2] - motion[2])
+    odometer[TURN] += (off * off - odometer[TURN]) / MEMORY
+    dx, dy = moved[0] - motion[0], moved[1] - motion[1]
+    odometer[SHIFT] += (0.5 * (dx * dx + dy * dy) - odometer[SHIFT]) / MEMORY

@@ -5,8 +5,8 @@ and a place next door matches just where it is expected. So four things are weig
 much of the structure is the same, whether the robot stands in sight of where it has been in the
 other place, whether so does its way in the present visit, and how far the match lies from where it
 is expected. What hides a breadcrumb is a wall, an exit or a doorway between. A place that was often
-visited, and not recognised as the other, is probably none: otherwise every visit would be one more
-chance to take it for another.
+visited, and not recognised as the other, is probably a place of its own: otherwise every visit
+would be one more chance to take it for another.
 
 The weights are those of a logistic regression. The misfit counts as in Student's t distribution:
 mostly the map is where it is expected, but where it was aligned wrongly it is far off.
@@ -74,7 +74,7 @@ class Evidence(NamedTuple):
     Then what it has seen is of two places, and is neither."""
     visits: int = 1
     """How many visits to the present place are remembered, with this one. The odds are divided by
-    it, as by the rule of succession, which no fit has chosen."""
+    it, as in the rule of succession; it is not among what was fitted."""
 
     @property
     def probability(self) -> float:
