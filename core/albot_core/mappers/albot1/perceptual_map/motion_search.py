@@ -26,8 +26,10 @@ from albot_core.mappers.albot1.perceptual_map.range_profile import (
     score_turns,
     take_likeliest,
     turn_at,
+    turn_cost,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, describe_previous
+from albot_core.matching.lines import wrap
 
 ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
 """How many motions are aligned at the most: the likeliest turn, and another that is nearly as
@@ -49,8 +51,9 @@ GUESS_NEARLY = 0.5
 """Without an odometer, where the translation has to be found as well, a motion is nearly as likely
 as another with a score no more than this below it."""
 SHIFT_COST = 0.1
-"""Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
-of agreeing directions: along a corridor the views cannot tell it."""
+"""What a translation costs by which the odometer is off by its scale is log 2 times this, in shares
+of agreeing directions (as for a turn, see `turn_cost`). Without an odometer one that differs by 1 m
+from the last translation costs so much: along a corridor the views cannot tell it."""
 
 _trial, _of_one = scratch(3), scratch(TURNS)
 
@@ -79,17 +82,19 @@ def propose_motion(
     known = (scale, directions, odometer, buffers, scores, shifts)
     if odometer[HAS_MOVED] == 0.0:
         if k == 0:
-            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, np.inf, *known)
+            search_motions(
+                previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, np.inf, limits, *known
+            )
     elif k == 0:
         widest = min(limits.turn_search, ODD_TURN * scale)
-        search_motions(previous, motion, 0, 0.0, widest, NEARLY, *known)
+        search_motions(previous, motion, 0, 0.0, widest, NEARLY, limits, *known)
     elif k == ALWAYS:
         # The two views may hardly agree under any turn; the map may know better.
         copy_pose(motion, trial)
         return first, 0.0
     elif k == BY_TURN:
         reach = max(REACH, 2.0 * shift_scale(odometer, limits))
-        search_motions(previous, motion, 1, reach, WIDEST_TURN, np.inf, *known)
+        search_motions(previous, motion, 1, reach, WIDEST_TURN, np.inf, limits, *known)
     score, turn = take_motion(scores, shifts, motion, trial)
     while score > -np.inf and _is_aligned(turn, trial, motion, turns):
         score, turn = take_motion(scores, shifts, motion, trial)
@@ -129,6 +134,7 @@ def search_motions(
     spacing: float,
     widest: float,
     nearly: float,
+    limits: Albot1Limits,
     scale: float,
     directions: int,
     odometer: np.ndarray,
@@ -145,6 +151,7 @@ def search_motions(
         spacing: …so far apart (m).
         widest: The largest turn (rad) that is added to the motion's.
         nearly: Turns whose score is farther than this below the best one may be left out.
+        limits: The mapper's thresholds.
         scale: That of the odometer's errors of turn (rad).
         directions: In how many directions the view sees a wall.
         odometer: What has been learnt of it.
@@ -164,7 +171,7 @@ def search_motions(
         fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
         profiles = buffers.profiles[0], directions, buffers.profiles[1]
         score_turns(*profiles, widest, scale, of_one, nearly)
-        cost = shift_cost(trial, odometer)
+        cost = shift_cost(trial, motion, odometer, limits)
         for place in range(TURNS):
             if of_one[place] - cost > scores[place]:
                 scores[place] = of_one[place] - cost
@@ -188,12 +195,35 @@ def take_motion(
 
 
 @kernel()
-def shift_cost(motion: np.ndarray, odometer: np.ndarray) -> float:
-    """What a translation costs: nothing where there is an odometer (see SHIFT_COST)."""
-    if odometer[HAS_MOVED] > 0.0:
-        return 0.0
-    dx, dy = motion[0] - odometer[LAST_X], motion[1] - odometer[LAST_Y]
-    return float(SHIFT_COST * (dx * dx + dy * dy))
+def shift_cost(
+    moved: np.ndarray, motion: np.ndarray, odometer: np.ndarray, limits: Albot1Limits
+) -> float:
+    """What a translation costs that differs from that of the odometer's `motion` (see SHIFT_COST).
+
+    Without an odometer it is compared with the last translation.
+    """
+    if odometer[HAS_MOVED] == 0.0:
+        dx, dy = moved[0] - odometer[LAST_X], moved[1] - odometer[LAST_Y]
+        return float(SHIFT_COST * (dx * dx + dy * dy))
+    scale = shift_scale(odometer, limits)
+    dx, dy = (moved[0] - motion[0]) / scale, (moved[1] - motion[1]) / scale
+    return float(SHIFT_COST * np.log1p(dx * dx + dy * dy))
+
+
+@kernel()
+def motion_cost(
+    moved: np.ndarray,
+    motion: np.ndarray,
+    scale: float,
+    odometer: np.ndarray,
+    limits: Albot1Limits,
+) -> float:
+    """What it costs that the robot moved otherwise than the odometer's `motion`.
+
+    `scale` is that of the odometer's errors of turn (rad).
+    """
+    turn = turn_cost(wrap(moved[2] - motion[2]), scale)
+    return float(turn + shift_cost(moved, motion, odometer, limits))
 
 
 @kernel()

@@ -38,8 +38,8 @@ from albot_core.mappers.albot1.perceptual_map.motion_search import (
     MOTIONS,
     agreement_after,
     is_likely,
+    motion_cost,
     propose_motion,
-    shift_cost,
 )
 from albot_core.mappers.albot1.perceptual_map.near_walls import list_ends_near, list_walls_along
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
@@ -53,7 +53,6 @@ from albot_core.mappers.albot1.perceptual_map.range_profile import (
     TURNS,
     UNSEEN_HERE,
     fill_profile,
-    turn_cost,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
@@ -72,8 +71,6 @@ from albot_core.matching.lines import moved_ends, wrap
 from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.view import NO_EDGE
 
-REACH_COST = 0.1
-"""What motions of other translations cost, in shares of the view."""
 SAME_WORTH = 1e-6
 """A motion must be better by more, so that rounding does not choose between two as good."""
 PROFILE_WEIGHT = 0.5
@@ -135,10 +132,10 @@ def match_submap(
     correction, chosen, start, trial = _correction(), _chosen(), _start(), _trial()
     scores, shifts, turns = _scores(), _shifts(), _turns()
     turns[:] = np.nan
-    share = best = first = 0.0
+    share = best = worth = first = 0.0
     kept = aligned = remembered = 0
-    profile = directions, buffers
     known = (scale, directions, odometer, buffers, scores, shifts)
+    rivals = (previous, motion, scale, limits, odometer, directions, buffers)
     scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
     for k in range(GUESSES if is_missing else MOTIONS):
         if not is_missing and k >= ALWAYS and share >= limits.unsure:
@@ -152,13 +149,11 @@ def match_submap(
             turns[k] = turn
         if k > 0 and aligned == 0:
             # Only now, for mostly the first motion, which is always aligned, has no rival.
-            best += PROFILE_WEIGHT * _agreement_there(previous, start, chosen, *profile)
+            best = _worth(share, start, chosen, *rivals)
         remembered, its_share = _align(trial, turn, *scene)
         aligned = k
-        worth = its_share - turn_cost(turn, scale) - shift_cost(trial, odometer)
-        worth -= 0.0 if is_first_search or is_missing else REACH_COST
         if k > 0:
-            worth += PROFILE_WEIGHT * _agreement_there(previous, current.pose, correction, *profile)
+            worth = _worth(its_share, current.pose, correction, *rivals)
         if k == 0 or worth > best + SAME_WORTH:
             best, share, kept = worth, its_share, k
             copy_pose(correction, chosen)
@@ -234,18 +229,29 @@ def _align(
 
 
 @kernel()
-def _agreement_there(
-    previous: LocatedView,
+def _worth(
+    share: float,
     start: np.ndarray,
     correction: np.ndarray,
+    previous: LocatedView,
+    motion: np.ndarray,
+    scale: float,
+    limits: Albot1Limits,
+    odometer: np.ndarray,
     directions: int,
     buffers: MatchBuffers,
 ) -> float:
-    """How well the profiles of the two views agree where `start` and its correction lead."""
+    """How much speaks for the pose to which `start` and its correction lead.
+
+    That is the `share` of the view that is explained there, how well the profiles of the two views
+    agree, less what it costs that the odometer is so far off. The pose to which a match has led
+    counts, not the motion that it began with: from several the match comes to the same pose.
+    """
     there, moved = _there(), _moved()
     compose_pose(start, correction, there)
     relative_pose(previous.pose, there, moved)
-    return agreement_after(previous, moved, directions, buffers)
+    agreement = agreement_after(previous, moved, directions, buffers)
+    return share + PROFILE_WEIGHT * agreement - motion_cost(moved, motion, scale, odometer, limits)
 
 
 @kernel()

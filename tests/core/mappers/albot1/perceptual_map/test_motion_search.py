@@ -1,0 +1,97 @@
+"""What motions cost, in closed form, and that the pose counts to which a match leads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from albot_core.geometry.poses import compose, inverse
+from albot_core.mappers.albot1.config import Albot1Config
+from albot_core.mappers.albot1.perceptual_map.memory import empty_view
+from albot_core.mappers.albot1.perceptual_map.motion_search import SHIFT_COST, motion_cost
+from albot_core.mappers.albot1.perceptual_map.odometer_error import (
+    HAS_MOVED,
+    LAST_X,
+    LAST_Y,
+    SHIFT,
+    SHIFT_SCALE,
+    unknown_odometer,
+)
+from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    TURN_COST,
+    UNSEEN_HERE,
+    fill_profile,
+)
+from albot_core.mappers.albot1.perceptual_map.submap import describe_seen, make_match_buffers
+from albot_core.mappers.albot1.perceptual_map.submap_matching import _worth
+from tests.core.scenes import ROOM
+
+LIMITS = Albot1Config().limits
+SCALE = 0.3
+"""That of the odometer's errors of turn (rad)."""
+
+
+def odometer_off_by(shift: float) -> np.ndarray:
+    """What is known of an odometer whose translations err by so much (m)."""
+    odometer = unknown_odometer()
+    odometer[HAS_MOVED], odometer[SHIFT] = 1.0, shift**2
+    return odometer
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.5])
+def test_a_motion_costs_by_what_it_departs_from_the_odometers(heading: float) -> None:
+    odometer, motion = odometer_off_by(0.2), np.array((1.0, -0.4, heading))
+    known = (motion, SCALE, odometer, LIMITS)
+    across = SHIFT_SCALE * 0.2
+    assert motion_cost(motion, *known) == 0.0
+    turned = motion_cost(np.add(motion, (0.0, 0.0, SCALE)), *known)
+    assert turned == pytest.approx(TURN_COST * np.log(2))
+    assert motion_cost(np.add(motion, (0.0, 0.0, 2 * np.pi - SCALE)), *known) == pytest.approx(
+        turned
+    )
+    shifted = motion_cost(np.add(motion, (0.6 * across, -0.8 * across, 0.0)), *known)
+    assert shifted == pytest.approx(SHIFT_COST * np.log(2))
+    both = motion_cost(np.add(motion, (0.6 * across, -0.8 * across, SCALE)), *known)
+    assert both == pytest.approx(turned + shifted)
+
+
+def test_the_worse_the_odometer_the_less_a_translation_costs_that_departs_from_its() -> None:
+    motion, moved = np.zeros(3), np.array((0.5, 0.0, 0.0))
+    costs = [
+        motion_cost(moved, motion, SCALE, odometer_off_by(off), LIMITS) for off in (0.3, 0.1, 0.01)
+    ]
+    assert costs == sorted(costs)
+    assert costs[0] < 0.5 * costs[1]
+
+
+def test_without_an_odometer_a_translation_costs_by_what_it_departs_from_the_last() -> None:
+    odometer, motion = unknown_odometer(), np.zeros(3)
+    odometer[LAST_X], odometer[LAST_Y] = 0.5, 0.1
+    last, twice = np.array((0.5, 0.1, 0.0)), np.array((0.5, 2.1, 0.0))
+    assert motion_cost(last, motion, SCALE, odometer, LIMITS) == 0.0
+    assert motion_cost(twice, motion, SCALE, odometer, LIMITS) == pytest.approx(4 * SHIFT_COST)
+
+
+finite = st.floats(-0.4, 0.4)
+
+
+@given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite))
+def test_a_match_is_worth_the_same_from_wherever_it_came_to_its_pose(
+    a: tuple[float, float, float], b: tuple[float, float, float]
+) -> None:
+    view, buffers = empty_view(len(ROOM)), make_match_buffers(len(ROOM), len(ROOM))
+    view.surfaces[:], view.size[0] = ROOM, len(ROOM)
+    seen = buffers.seen[: describe_seen(view, buffers)]
+    directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
+    motion, odometer = np.array((0.3, 0.0, 0.1)), odometer_off_by(0.1)
+    rivals = (view, motion, SCALE, LIMITS, odometer, directions, buffers)
+    led_to = np.array((0.2, -0.1, 0.05))
+    worths = [
+        _worth(0.7, np.array(start), compose(inverse(np.array(start)), led_to), *rivals)
+        for start in (a, b)
+    ]
+    assert worths[0] == pytest.approx(worths[1], abs=1e-2)
+    far = np.add(motion, (3.0, 0.0, 2.0))
+    assert _worth(0.7, np.array(a), compose(inverse(np.array(a)), far), *rivals) < worths[0]
