@@ -133,7 +133,6 @@ class Albot1Config:
         default_factory=lambda: ViewConfig(
             bend_significance=10.0,
             fit_lines=True,
-            grazing_ends=True,
             min_incidence=np.radians(10.0),
             cut_ends=True,
             beam_model=True,
@@ -141,9 +140,7 @@ class Albot1Config:
     )
     """Parameters of view construction (section 3.1.3). A bent wall that is drawn straight turns the
     robot a little at each update, always the same way, so walls are broken where they are bent: on
-    Intel and Wean Hall errors are nearly alike for F statistics of 10 and 20. `grazing_ends` is on
-    in `albot1`: with whole walls matched, the logs' errors are nearly the same without
-    (`albot1-readings`)."""
+    Intel and Wean Hall errors are nearly alike for F statistics of 10 and 20."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Thresholds of the network of places (chapter 4)."""
     remembers_places: bool = True
