@@ -14,6 +14,7 @@ from albot_agents.evaluation.comparison import (
     Comparison,
     Figures,
     PairedTrials,
+    TableRow,
     plan_paired_trials,
     run_paired_trials,
 )
@@ -71,6 +72,20 @@ def test_rates_are_written_with_their_intervals() -> None:
     row = {"task": "T", "agent": "a", "odometer": "o", "kind": "k", "command": "c", "episodes": 9}
     text = render_page([row | {"success_rate": 0.5, "ci95": [0.25, 0.75], "spl": 0.123}])
     assert "| k | o | `a` | 9 | 50% (25%–75%) | 0.12 |" in text
+
+
+def test_a_row_without_a_figure_that_others_have_shows_a_dash(tmp_path: Path) -> None:
+    judged, silent = (
+        TableRow(task="T", agent=agent, odometer="o", kind="k") for agent in ("judge", "silent")
+    )
+    figures = {
+        judged: {"episodes": 2, "precision": 0.5, "recall": 0.25},
+        silent: {"episodes": 2, "precision": None, "recall": 0.0},
+    }
+    rows = save_figures(figures, "c", tmp_path / "results.json")
+    text = render_page(rows)
+    assert "| k | o | `judge` | 2 | 50.0% | 25% |" in text
+    assert "| k | o | `silent` | 2 | – | 0% |" in text
 
 
 @pytest.mark.parametrize("text", ["{", "{}", '[{"task": 1}]', '["row"]', "[1]"])
