@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -11,12 +12,15 @@ from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
-from albot_core.ranges import FINITE, Range, check_fields
+from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 Sensor = Literal["laser", "sonar", "scene"]
 """The sensors that a reading can hold besides odometry."""
 
 _BEAMS = Range("a whole number from 2", 2.0, whole=True)
+_SPACING = Range("an angle within (0, pi/2]", 0.0, math.pi / 2, beyond=True)
+_BEAM_WIDTH = Range("an angle within [0, pi/2)", 0.0, math.nextafter(math.pi / 2, 0.0))
+_CONE = Range("an angle within (0, pi)", 0.0, math.nextafter(math.pi, 0.0), beyond=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,15 +46,12 @@ class LaserGeometry:
         if len(self.mount) != 3 or any(number not in FINITE for number in self.mount):
             expected = "three finite numbers x, y (m), heading (rad)"
             raise InputError("LaserGeometry.mount", expected, str(self.mount))
-        if not 0 < self.spacing <= np.pi / 2:
-            raise InputError("LaserGeometry.spacing", "within (0, pi/2]", str(self.spacing))
-        if not 0 <= self.beam_width < np.pi / 2:
-            raise InputError("LaserGeometry.beam_width", "within [0, pi/2)", str(self.beam_width))
+        check_fields(self, _SPACING, "spacing")
+        check_fields(self, _BEAM_WIDTH, "beam_width")
+        check_fields(self, POSITIVE, "max_range")
         if (self.beams - 1) * self.spacing > 2 * np.pi + 1e-9:
             found = f"{self.beams} beams {self.spacing:g} rad apart"
             raise InputError("LaserGeometry.beams", "at most a full turn", found)
-        if not 0 < self.max_range < np.inf:
-            raise InputError("LaserGeometry.max_range", "a positive length", str(self.max_range))
 
     @cached_property
     def bearings(self) -> Ranges:
@@ -119,17 +120,20 @@ class SonarGeometry:
     """Maximum range (m); ranges at or above it mean no return."""
 
     def __post_init__(self) -> None:
-        if not self.bearings or not np.isfinite(self.bearings).all():
+        if not self.bearings or any(bearing not in FINITE for bearing in self.bearings):
             expected = "one finite bearing (rad) or more"
             raise InputError("SonarGeometry.bearings", expected, str(self.bearings))
-        if len(self.places) != len(self.bearings) or not np.isfinite(self.places).all():
+        numbers = [number for place in self.places for number in place]
+        known = len(self.places) == len(self.bearings)
+        if not known or any(number not in FINITE for number in numbers):
             expected = f"{len(self.bearings)} finite pairs x, y (m), one per bearing"
             raise InputError("SonarGeometry.places", expected, str(self.places))
-        if not 0 < self.cone < np.pi:
-            raise InputError("SonarGeometry.cone", "within (0, pi)", str(self.cone))
-        if not 0 <= self.min_range < self.max_range < np.inf:
-            found = f"{self.min_range:g} and {self.max_range:g}"
-            raise InputError("SonarGeometry.max_range", "lengths above min_range", found)
+        check_fields(self, _CONE, "cone")
+        check_fields(self, NOT_NEGATIVE, "min_range")
+        check_fields(self, POSITIVE, "max_range")
+        if self.min_range >= self.max_range:
+            expected = f"more than min_range, {self.min_range:g}"
+            raise InputError("SonarGeometry.max_range", expected, f"{self.max_range:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
