@@ -70,9 +70,13 @@ def filled_folder(folder: Path) -> Iterator[Path]:
         yield scratch
         with interrupts_deferred(), new_folder(folder), ExitStack() as files:
             for path in sorted(scratch.iterdir()):
-                stream = files.enter_context(atomic_write(folder / path.name))
+                target = folder / path.name
+                stream = files.enter_context(atomic_write(target))
                 stream.write(path.read_bytes())
-                stream.flush()  # A full disk raises here, before anything is replaced.
+                # A full disk raises here, before anything is replaced. Not all files are open at a
+                # time: there may be more than a process can have.
+                if not is_stream(target):
+                    stream.close()
 
 
 def _check_writable(source: Path, folder: Path, expected: str) -> None:
