@@ -97,10 +97,15 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_the_command_refuses_before_it_works(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(comparison, "COMPARISONS", (SHORT,))
     (tmp_path / "notes.md").write_text("mine")
+    plans = tmp_path_factory.mktemp("plans")
+    (plans / "a.xml").write_text("")
     for words, said in (
         (["--task", "Albot/Homing-v1"], "did you mean Albot/Homing-v0"),
         (["--task", "explore"], "--task: expected one of Albot/Homing-v0, found Albot/Explore-v0"),
@@ -109,6 +114,9 @@ def test_the_command_refuses_before_it_works(
         (["--out", str(tmp_path / "notes.md")], "expected a page with its figures in notes.json"),
         (["--seeds", "5..3"], "--seeds"),
         (["--out", str(tmp_path)], "directory"),
+        (["--plan-seeds", "1..2"], "--plan-seeds: expected --plans"),
+        (["--plans", str(tmp_path)], "--plans: expected a folder of floor plans in XML"),
+        (["--plans", str(plans), "--plan-seeds", "5..3"], "--plan-seeds: expected a range A..B"),
     ):
         monkeypatch.setattr("sys.argv", ["albot", "results", *words])
         with pytest.raises(SystemExit) as stopped:
