@@ -106,6 +106,8 @@ def test_the_command_refuses_before_it_works(
     (tmp_path / "notes.md").write_text("mine")
     plans = tmp_path_factory.mktemp("plans")
     (plans / "a.xml").write_text("")
+    (plans / "docs").mkdir()
+    monkeypatch.chdir(plans)  # What is refused too late writes no page of the project's.
     for words, said in (
         (["--task", "Albot/Homing-v1"], "did you mean Albot/Homing-v0"),
         (["--task", "explore"], "--task: expected one of Albot/Homing-v0, found Albot/Explore-v0"),
