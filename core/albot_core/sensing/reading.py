@@ -23,6 +23,15 @@ _BEAM_WIDTH = Range("an angle within [0, pi/2)", 0.0, math.nextafter(math.pi / 2
 _CONE = Range("an angle within (0, pi)", 0.0, math.nextafter(math.pi, 0.0), beyond=True)
 
 
+def _check_array(name: str, value: object, count: int, what: str) -> None:
+    """Raise InputError unless a value is an array of `count` numbers; `what` says which."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+        kind = f"one of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+        raise InputError(name, f"an array of {count} {what}", kind)
+    if value.shape != (count,):
+        raise InputError(name, f"{count} {what}", str(value.shape))
+
+
 @dataclass(frozen=True, kw_only=True)
 class LaserGeometry:
     """Beam geometry of a planar laser. The default is a SICK LMS-200 at 1°."""
@@ -75,12 +84,7 @@ class LaserScan:
     """The beam geometry."""
 
     def __post_init__(self) -> None:
-        if self.ranges.shape != (self.geometry.beams,):
-            raise InputError(
-                "LaserScan.ranges",
-                f"{self.geometry.beams} ranges, one per beam",
-                str(self.ranges.shape),
-            )
+        _check_array("LaserScan.ranges", self.ranges, self.geometry.beams, "ranges, one per beam")
         if not (self.ranges >= 0).all():
             beam = int(np.argmin(self.ranges >= 0))
             raise InputError(
@@ -147,9 +151,7 @@ class SonarScan:
 
     def __post_init__(self) -> None:
         count = len(self.geometry.bearings)
-        if self.ranges.shape != (count,):
-            expected = f"{count} ranges, one per sonar"
-            raise InputError("SonarScan.ranges", expected, str(self.ranges.shape))
+        _check_array("SonarScan.ranges", self.ranges, count, "ranges, one per sonar")
         if not (self.ranges >= 0).all():
             sonar = int(np.argmin(self.ranges >= 0))
             found = f"{self.ranges[sonar]} at sonar {sonar}"
@@ -172,7 +174,8 @@ class Reading:
     """Number of the visible scene; None for no scene or without a camera."""
 
     def __post_init__(self) -> None:
-        if self.motion.shape != (3,) or not np.isfinite(self.motion).all():
+        _check_array("Reading.motion", self.motion, 3, "numbers: x, y (m), heading (rad)")
+        if not np.isfinite(self.motion).all():
             raise InputError("Reading.motion", "three finite numbers", str(self.motion))
 
     def required_laser(self, by: str) -> LaserScan:
