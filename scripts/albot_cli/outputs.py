@@ -25,6 +25,8 @@ def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False
         names: Names of the files to be written into it.
         force: Whether these files may exist.
     """
+    if folder.is_symlink() and not folder.exists():
+        raise InputError(folder, "a folder to write to", "a link that leads nowhere")
     if not folder.exists() and not folder.parent.exists():
         raise InputError(folder, f"an existing parent folder {folder.parent}", "none")
     _check_writable(folder, folder if folder.exists() else folder.parent, "a folder to write to")
