@@ -40,6 +40,8 @@ from albot_maps.generators.spec import KINDS, PREFIX, seeded
 
 ALL_KINDS = "random"
 """The spec that means all kinds of random worlds in turn."""
+ENVIRONMENT = "Albot/Explore-v0"
+"""Id of the environment."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +62,19 @@ class Episode:
     """The mapper's parameters; None for the defaults."""
     mapper_config_file: Path | None = None
     """The YAML file with these parameters."""
+
+    def make(self) -> gymnasium.Env[Any, Any]:
+        """Make its environment.
+
+        Raises:
+            InputError: There is no such world, mapper or agent, or the robot lacks a sensor that
+                the mapper needs.
+        """
+        asked = {"world": self.world, "mapper": self.mapper, "max_episode_steps": self.steps}
+        if self.mapper_config is not None:
+            asked["mapper_config"] = self.mapper_config
+        settings = find_agent(self.agent).environment(ENVIRONMENT, asked)
+        return gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
 
     def command(self, steps: int) -> str:
         """Return the command that replays the first `steps` steps."""
@@ -119,13 +134,13 @@ def plan_episodes(
         mapper_config_file: The YAML file with these parameters.
 
     Raises:
-        InputError: A world cannot be loaded. Of random worlds, the first of each kind and the
-            last are generated to check this.
+        InputError: A world cannot be loaded, or the first environment of an agent not be made. Of
+            random worlds, the first of each kind and the last are generated to check this.
     """
     worlds = _worlds(spec, count, first)
     for world in dict.fromkeys((*worlds[: len(KINDS)], worlds[-1])):
         load_world(world)
-    return [
+    episodes = [
         Episode(
             world=world,
             agent=agent,
@@ -138,6 +153,9 @@ def plan_episodes(
         for k, world in enumerate(worlds)
         for agent in agents
     ]
+    for episode in episodes[: len(agents)]:
+        episode.make().close()
+    return episodes
 
 
 def _worlds(spec: str, count: int, first: int) -> list[str]:
@@ -150,9 +168,6 @@ def _worlds(spec: str, count: int, first: int) -> list[str]:
         turns = range(count)
         return [f"{PREFIX}{KINDS[k % len(KINDS)]}:{first + k // len(KINDS)}" for k in turns]
     return [seeded(spec, first + k) for k in range(count)]
-
-
-ENVIRONMENT = "Albot/Explore-v0"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,11 +227,7 @@ def _violated(episode: Episode, step: int, wrong: Sequence[str]) -> Outcome:
 
 def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     """Yield what is wrong after the reset, then after each step."""
-    asked = {"world": episode.world, "mapper": episode.mapper, "max_episode_steps": episode.steps}
-    if episode.mapper_config is not None:
-        asked["mapper_config"] = episode.mapper_config
-    settings = find_agent(episode.agent).environment(ENVIRONMENT, asked)
-    env = gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
+    env = episode.make()
     try:
         observation_config = env.get_wrapper_attr("observation_config")
         agent = make_agent(episode.agent, observation_config, ENVIRONMENT)

@@ -11,6 +11,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.ranges import POSITIVE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_env.sim.batch_simulator import BatchSimulator, draw_key
 from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels, chord
@@ -263,8 +264,7 @@ class StartStop:
     """Largest turn (rad)."""
 
     def __post_init__(self) -> None:
-        if not (self.move > 0 and self.turn > 0):
-            raise InputError("StartStop", "a move and a turn above 0", f"{self.move}, {self.turn}")
+        check_fields(self, POSITIVE, "move", "turn")
 
 
 THESIS_STEPS = StartStop()

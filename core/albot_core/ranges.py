@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 
 @dataclass(frozen=True)
 class Range:
-    """Finite numbers from `least` to `most`."""
+    """Numbers from `least` to `most`; True and False are none."""
 
     expected: str
     """The range as text, for the error."""
@@ -23,16 +23,18 @@ class Range:
     """Whether `least` itself is excluded."""
     whole: bool = False
     """Whether only integers are allowed."""
+    infinite: bool = False
+    """Whether infinity is allowed where `most` is infinite."""
 
     def __contains__(self, value: object) -> bool:
-        if not isinstance(value, Integral if self.whole else Real):
+        if isinstance(value, bool) or not isinstance(value, Integral if self.whole else Real):
             return False
         try:
             number = float(value)
         except OverflowError:  # An integer too large for a float.
             return False
         within = self.least < number <= self.most or (number == self.least and not self.beyond)
-        return math.isfinite(number) and within
+        return within and (self.infinite or math.isfinite(number))
 
 
 FINITE = Range("a finite number", -math.inf)

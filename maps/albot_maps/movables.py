@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,6 +13,7 @@ import shapely
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Segments
+from albot_core.ranges import FINITE, Range
 from albot_maps.freespace import FreeSpace, wall_lines
 
 Point = tuple[float, float]
@@ -26,6 +27,8 @@ SMALLEST_SIDE = 0.3
 """Smallest side of a box (m): a much thinner one could pass through a wall in a physics step."""
 SHORTEST_LEG = 0.1
 """Shortest leg of a walker's route (m)."""
+_SMALLEST_OPENING = 0.1
+_OPENING = Range("an angle from -pi to pi rad", -math.pi, math.pi)
 _ARC = math.radians(5)
 """Largest angle (rad) of a chord with which a leaf's arc is approximated."""
 
@@ -56,12 +59,13 @@ class Door:
     """Range of the time that it stays shut (s), drawn each time."""
 
     def __post_init__(self) -> None:
-        _check_finite("Door", hinge=self.hinge, heading=self.heading)
+        _check_finite("Door", "hinge", self.hinge)
+        _check_finite("Door", "heading", (self.heading,))
         _check_range("Door", "width", self.width, NARROWEST_LEAF, WIDEST_LEAF, "m")
         _check_range("Door", "turn_rate", self.turn_rate, 0.1, 3.0, "rad/s")
-        if not 0.1 <= abs(self.opening) <= math.pi:
+        if self.opening not in _OPENING or abs(self.opening) < _SMALLEST_OPENING:
             expected = "an angle from 0.1 to pi rad, or from -pi to -0.1 rad"
-            raise InputError("Door", expected, f"{self.opening:g} rad", place="opening")
+            raise InputError("Door", expected, str(self.opening), place="opening")
         for name in ("open_for", "shut_for"):
             _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")
 
@@ -94,7 +98,8 @@ class Box:
     """Mass (kg); the robot's tyres push about 20 kg at most."""
 
     def __post_init__(self) -> None:
-        _check_finite("Box", at=self.at, heading=self.heading)
+        _check_finite("Box", "at", self.at)
+        _check_finite("Box", "heading", (self.heading,))
         for name in ("length", "width"):
             _check_range("Box", name, getattr(self, name), SMALLEST_SIDE, 3.0, "m")
         _check_range("Box", "mass", self.mass, 0.5, 1000.0, "kg")
@@ -135,7 +140,7 @@ class Walker:
         if len(self.route) < (3 if self.closed else 2):
             expected = "3 waypoints or more" if self.closed else "2 waypoints or more"
             raise InputError("Walker", expected, str(len(self.route)), place="route")
-        _check_finite("Walker", route=[value for point in self.route for value in point])
+        _check_finite("Walker", "route", [value for point in self.route for value in point])
         _check_range("Walker", "radius", self.radius, 0.15, 0.5, "m")
         _check_span("Walker", "speed", self.speed, 0.1, 2.0, "m/s")
         shortest = float(np.hypot(*(self.legs[:, 2:] - self.legs[:, :2]).T).min())
@@ -177,25 +182,23 @@ class Movables:
         return tuple([door.sweep for door in self.doors] + [box.outline for box in self.boxes])
 
 
-def _check_finite(kind: str, **fields: float | Sequence[float]) -> None:
-    for name, value in fields.items():
-        numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-        if not np.isfinite(numbers).all():
-            found = f"{numbers[~np.isfinite(numbers)][0]:g}"
-            raise InputError(kind, "finite numbers", found, place=name)
+def _check_finite(kind: str, name: str, numbers: Iterable[object]) -> None:
+    for number in numbers:
+        if number not in FINITE:
+            raise InputError(kind, "finite numbers", str(number), place=name)
 
 
-def _check_range(kind: str, name: str, value: float, least: float, most: float, unit: str) -> None:
-    if not least <= value <= most:
+def _check_range(kind: str, name: str, value: object, least: float, most: float, unit: str) -> None:
+    if value not in Range("", least, most):
         expected = f"a number from {least:g} to {most:g} ({unit})"
-        raise InputError(kind, expected, f"{value:g}", place=name)
+        raise InputError(kind, expected, str(value), place=name)
 
 
 def _check_span(kind: str, name: str, span: Span, least: float, most: float, unit: str) -> None:
-    low, high = span
-    if not least <= low <= high <= most:
+    allowed = Range("", least, most)
+    if len(span) != 2 or any(number not in allowed for number in span) or span[0] > span[1]:
         expected = f"two numbers from {least:g} to {most:g} ({unit}), the smaller first"
-        raise InputError(kind, expected, f"{low:g}, {high:g}", place=name)
+        raise InputError(kind, expected, ", ".join(map(str, span)), place=name)
 
 
 TOLERANCE = 0.01

@@ -70,6 +70,9 @@ def command(
     for part in parts:
         if part not in PARTS:
             raise InputError("--part", f"one of {', '.join(PARTS)}", repr(part))
+    if log is not None and parts and not {"mapper", "slam"} & set(parts):
+        expected = "--part mapper or slam, whose mappers map it"
+        raise InputError("--log", expected, ", ".join(parts))
     if out is not None:
         if parts and "journey" not in parts:
             raise InputError("--out", "--part journey, which writes the page", ", ".join(parts))

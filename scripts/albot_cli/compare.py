@@ -172,8 +172,10 @@ def _choices(text: str) -> list[MapperChoice]:
 
     choices: dict[str, MapperChoice] = {}
     for label in map(str.strip, text.split(",")):
-        name, _, file = label.partition("=")
+        name, equals, file = label.partition("=")
         spec = mapper_spec(name)
+        if equals and not file:
+            raise InputError("--mappers", "NAME or NAME=FILE", label)
         config = read_mapper_config(spec, Path(file)) if file else None
         if label in choices:
             raise InputError("--mappers", "each mapper once", f"{label} twice")

@@ -207,9 +207,12 @@ def _as_text(facts: dict[str, Any]) -> str:
             f"  from home {facts['mean_final_distance_m']:.1f} m at the end"
             + ("" if began is None else f", {began:.1f} m at the beginning")
         )
-    if facts["recall"] is not None:
+    if facts["revisits"] is not None:
+        recall, precision = (
+            "–" if facts[name] is None else f"{facts[name]:.3f}" for name in ("recall", "precision")
+        )
         lines.append(
-            f"  places    recall {facts['recall']:.3f} at precision {facts['precision']:.3f}, "
+            f"  places    recall {recall} at precision {precision}, "
             f"of {facts['revisits']} seen again"
         )
     if facts["mean_coverage"] is not None:

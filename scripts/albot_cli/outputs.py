@@ -25,6 +25,8 @@ def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False
         names: Names of the files to be written into it.
         force: Whether these files may exist.
     """
+    if folder.is_symlink() and not folder.exists():
+        raise InputError(folder, "a folder to write to", "a link that leads nowhere")
     if not folder.exists() and not folder.parent.exists():
         raise InputError(folder, f"an existing parent folder {folder.parent}", "none")
     _check_writable(folder, folder if folder.exists() else folder.parent, "a folder to write to")
@@ -70,9 +72,13 @@ def filled_folder(folder: Path) -> Iterator[Path]:
         yield scratch
         with interrupts_deferred(), new_folder(folder), ExitStack() as files:
             for path in sorted(scratch.iterdir()):
-                stream = files.enter_context(atomic_write(folder / path.name))
+                target = folder / path.name
+                stream = files.enter_context(atomic_write(target))
                 stream.write(path.read_bytes())
-                stream.flush()  # A full disk raises here, before anything is replaced.
+                # A full disk raises here, before anything is replaced. Not all files are open at a
+                # time: there may be more than a process can have.
+                if not is_stream(target):
+                    stream.close()
 
 
 def _check_writable(source: Path, folder: Path, expected: str) -> None:

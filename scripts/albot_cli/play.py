@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png
 from albot_cli.path_type import PathType
@@ -348,10 +349,10 @@ def _as_text(summary: dict[str, Any]) -> str:
     rooms, covered, success = (summary[key] for key in ("rooms_entered", "coverage", "success"))
     figures = [
         f"{summary['path_m']:.1f} m driven",
-        f"{summary['updates']} updates",
-        *([f"{summary['surfaces']} surfaces"] if summary["surfaces"] else []),
+        many(summary["updates"], "update"),
+        *([many(summary["surfaces"], "surface")] if summary["surfaces"] else []),
         f"{summary['position_error_m']:.2f} m off",
-        *([] if rooms is None else [f"{rooms} rooms entered"]),
+        *([] if rooms is None else [f"{many(rooms, 'room')} entered"]),
         *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
         f"reward {summary['reward']:.2f}",
         *([] if success is None else ["a success" if success else "no success"]),

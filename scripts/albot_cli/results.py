@@ -48,10 +48,8 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--plan-seeds",
-    default="2000..2002",
-    show_default=True,
     metavar="A..B",
-    help="Seeds of the episodes in each floor plan.",
+    help="Seeds of the episodes in each floor plan.  [default: 2000..2002]",
 )
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
@@ -60,7 +58,7 @@ def command(
     tasks: tuple[str, ...],
     seeds: str,
     plans: Path | None,
-    plan_seeds: str,
+    plan_seeds: str | None,
     jobs: int | None,
     as_json: bool,
 ) -> int:
@@ -80,6 +78,11 @@ def command(
     for task in tasks:
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
+    if plans is None and plan_seeds is not None:
+        raise InputError("--plan-seeds", "--plans, the floor plans that they are for", "none")
+    if plans is not None and not any(plans.glob("*.xml")):
+        raise InputError("--plans", "a folder of floor plans in XML", str(plans))
+    plan_seeds = plan_seeds or "2000..2002"
     if out.suffix != ".md":
         raise InputError("--out", "a name that ends in .md", str(out))
     figures = out.with_suffix(".json")
@@ -96,7 +99,7 @@ def command(
     ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
     if plans is not None:
         worlds[PLANS] = [str(plans / "*.xml")]
-        ranges[PLANS] = parse_seeds(plan_seeds)
+        ranges[PLANS] = parse_seeds(plan_seeds, "--plan-seeds")
     planned = [plan_paired_trials([comparison], worlds, ranges) for comparison in comparisons]
     said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
     said += ["--seeds", seeds]

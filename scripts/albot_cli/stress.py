@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
@@ -84,7 +85,6 @@ def command(
     from albot_agents.registry import EXPLORE, check_agent
     from albot_agents.stress import plan_episodes
 
-    _check_mapper(mapper)
     mapper_parameters = None if mapper_config is None else read_robots_config(mapper, mapper_config)
     chosen = tuple(dict.fromkeys(agents))
     for name in chosen:
@@ -105,13 +105,6 @@ def command(
     if tally.violations:
         return 1
     return STOPPED if tally.stopped else 0
-
-
-def _check_mapper(name: str) -> None:
-    from albot_core.mappers.registry import make_mapper
-
-    if name != "none":
-        make_mapper(name)
 
 
 class _Tally:
@@ -168,10 +161,10 @@ class _Tally:
         ]
         found = len(self.violations)
         lines.append(
-            f"{facts['worlds']:,d} worlds, {facts['episodes']:,d} episodes, "
-            f"{facts['steps']:,d} steps in {facts['seconds']:.0f} s "
+            f"{many(facts['worlds'], 'world')}, {many(facts['episodes'], 'episode')}, "
+            f"{many(facts['steps'], 'step')} in {facts['seconds']:.0f} s "
             f"({facts['steps_per_second']:,.0f} steps/s): "
-            f"{found or 'no'} violation{'' if found == 1 else 's'}"
+            f"{many(found, 'violation') if found else 'no violations'}"
             f"{', stopped before the end' if self.stopped else ''}"
         )
         return "\n".join(lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,11 @@ def _default(value: object) -> str:
 @command.command(cls=_MakeCommand)
 @click.argument("kind")
 @click.option(
-    "--count", type=click.IntRange(1), default=1, show_default=True, help="Number of worlds."
+    "--count",
+    type=click.IntRange(1, 1_000_000),
+    default=1,
+    show_default=True,
+    help="Number of worlds.",
 )
 @click.option(
     "--seed",
@@ -174,29 +179,30 @@ def make(
     if png is not None and count > _MOST_ON_A_SHEET:
         raise InputError("--png", f"at most {_MOST_ON_A_SHEET} worlds on one sheet", str(count))
     query = "?" + "&".join(params) if params else ""
-    worlds = []
-    with progress("make", count, "worlds") as update:
-        for done in range(count):
-            worlds.append(load_world(f"random:{kind}:{seed + done}{query}"))
-            update(done + 1)
     if out is not None:
-        check_folder(out, [f"{world.name}.yaml" for world in worlds], force=force)
-        with filled_folder(out) as scratch:
-            for world in worlds:
+        names = (f"{kind}-{number}.yaml" for number in range(seed, seed + count))
+        check_folder(out, names, force=force)
+    made, drawn = [], []
+    filled = nullcontext() if out is None else filled_folder(out)
+    with filled as scratch, progress("make", count, "worlds") as update:
+        for done in range(count):
+            world = load_world(f"random:{kind}:{seed + done}{query}")
+            if scratch is not None:
                 write_text(scratch / f"{world.name}.yaml", world_text(world))
+            if png is not None:
+                drawn.append(world)
+            file = str(out / f"{world.name}.yaml") if out else None
+            made.append({**summary(world), "file": file})
+            update(done + 1)
     if png is not None:
         from albot_maps.drawing import save_sheet  # matplotlib is slow to load
 
-        save_sheet(worlds, png)
+        save_sheet(drawn, png)
     if as_json:
-        facts = [
-            {**summary(world), "file": str(out / f"{world.name}.yaml") if out else None}
-            for world in worlds
-        ]
-        click.echo(json.dumps({"worlds": facts, "png": str(png) if png else None}))
+        click.echo(json.dumps({"worlds": made, "png": str(png) if png else None}))
         return
-    for world in worlds:
-        click.echo(f"{world.source}  {one_line(summary(world))}")
+    for facts in made:
+        click.echo(f"{facts['source']}  {one_line(facts)}")
 
 
 def summary(world: World) -> dict[str, Any]:

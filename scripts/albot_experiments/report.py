@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, new_folder, write_text
+from albot_core.files import atomic_write, new_folder, read_bytes, write_text
+from albot_core.json_document import read_json
+from albot_core.plain_data import Location, read_record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,6 +29,13 @@ COMMAND = "albot experiment run all --out docs/experiments --force"
 """What writes the page over all reports."""
 REPORT_FILES = ("result.json", "report.md")
 """The files of every report; pictures are beside them."""
+_NEEDED: dict[str, Any] = {
+    "id": str, "paper": Mapping[str, Any], "measured": Mapping[str, Any], "holds": bool,
+}  # fmt: skip
+_OPTIONAL: dict[str, Any] = {
+    "verdicts": Mapping[str, bool], "compared": Mapping[str, Mapping[str, Any]],
+}  # fmt: skip
+"""Keys of `result.json`, and the types of their values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +65,11 @@ class Report:
         """The report as the command prints it."""
         return {
             "id": self.id,
-            "paper": dict(self.paper),
-            "measured": dict(self.measured),
+            "paper": _in_json(self.paper),
+            "measured": _in_json(self.measured),
             "holds": self.holds,
             **({"verdicts": dict(self.verdicts)} if self.verdicts else {}),
-            **({"compared": dict(self.compared)} if self.compared else {}),
+            **({"compared": _in_json(self.compared)} if self.compared else {}),
         }
 
     def as_markdown(self) -> str:
@@ -145,6 +155,13 @@ def rows(figures: Mapping[str, Figures]) -> list[tuple[str, Scalar]]:
     return found
 
 
+def _in_json(figures: Figures) -> object:
+    """The same in JSON, which has no infinity and no NaN: such a figure is not known."""
+    if isinstance(figures, Mapping):
+        return {name: _in_json(value) for name, value in figures.items()}
+    return None if isinstance(figures, float) and not math.isfinite(figures) else figures
+
+
 def _is_spread(figures: Mapping[str, Figures]) -> bool:
     return tuple(figures) == ("median", "worst")
 
@@ -173,7 +190,7 @@ def key(name: str) -> str:
 
 def cell(value: Scalar) -> str:
     """A figure for reading; a dash where there is none."""
-    if value is None:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -197,19 +214,26 @@ def read_report(folder: Path) -> Report:
     """What `Report.write` wrote, to make the page of: without its text, the pictures empty.
 
     Raises:
-        InputError: The folder holds no report.
+        InputError: The folder holds no report, or a damaged one.
     """
     from matplotlib.figure import Figure
 
     result, report = (folder / name for name in REPORT_FILES)
     if not (result.is_file() and report.is_file()):
         raise InputError(str(folder), "a report: " + ", ".join(REPORT_FILES), "none")
-    lines = report.read_text(encoding="utf-8").splitlines()
+    lines = read_bytes(report).decode(errors="replace").splitlines()
+    title = lines[0].partition(": ")[2] if lines else ""
+    if not title:
+        expected = f"a heading `# {folder.name}: TITLE` in its first line"
+        raise InputError(report, expected, lines[0] if lines else "an empty file")
     pictures = [line[2:].partition("]")[0] for line in lines if line.startswith("![")]
+    figures, where = read_json(result), Location(result)
+    given = figures if isinstance(figures, dict) else {}
+    known = _NEEDED | {name: kind for name, kind in _OPTIONAL.items() if name in given}
     return Report(
-        title=lines[0].partition(": ")[2],
+        title=title,
         pictures={name: Figure() for name in pictures},
-        **json.loads(result.read_text(encoding="utf-8")),
+        **read_record(known, figures, where),
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.geometry.types import Points, Pose, Poses
+from albot_core.ranges import POSITIVE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
@@ -127,9 +128,7 @@ class Driving:
     """Fastest turn (rad/s)."""
 
     def __post_init__(self) -> None:
-        if not (self.speed > 0 and self.turn_rate > 0):
-            found = f"{self.speed}, {self.turn_rate}"
-            raise InputError("Driving", "a speed and a turn rate above 0", found)
+        check_fields(self, POSITIVE, "speed", "turn_rate")
 
 
 def driven_tour(

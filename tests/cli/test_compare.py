@@ -150,6 +150,7 @@ def test_a_run_that_dies_leaves_the_others(corridor, call):
         (("LOG", "--mappers", "albot1, albot1"), "found albot1 twice"),
         (("LOG", "--mappers", "albot0"), "found albot0, which needs sonar"),
         (("LOG", "--mappers", "albot1=none.yaml"), "none.yaml: file not found"),
+        (("LOG", "--mappers", "albot1="), "--mappers: expected NAME or NAME=FILE, found albot1="),
         (("LOG", "--seeds", "3..1"), "--seeds: expected a range"),
         (("square-loop", "--agent", "albot1-homing"), "found albot1-homing, which is for"),
         (("square-loop", "--odometer", "pionier"), "did you mean pioneer?"),

@@ -157,6 +157,7 @@ def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -
     assert status == 0
     assert "of the ground" in out
     assert "success" not in out
+    assert "recall – at precision –, of 0 seen again" in out  # So soon there is nothing to claim.
 
 
 @pytest.mark.parametrize(

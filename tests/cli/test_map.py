@@ -201,6 +201,8 @@ def test_bad_input_is_named(corridor, truth_file, call, tmp_path):
     expect_error(call("map", path, "--relations", path), "line 1", "eight finite numbers")
     expect_error(call("map", path, "--out", truth_file), "a folder to write to")
     expect_error(call("map", path, "--out", truth_file / "out"), "a folder to write to")
+    (link := path.with_name("link")).symlink_to("nowhere")
+    expect_error(call("map", path, "--out", link), "found a link that leads nowhere")
 
 
 def test_a_mapper_that_believes_to_be_nowhere_is_named(corridor, call, tmp_path, monkeypatch):

@@ -110,8 +110,9 @@ def test_a_file_that_was_named_is_overwritten_by_force_alone(
 def test_people_get_a_summary_and_a_progress_line(play: Play, tmp_path: Path) -> None:
     done = play(*SHORT)
     assert done.returncode == 0, done.stderr
-    for words in ("m driven", "updates", "surfaces", "m off", "episode.mcap", "episode.png"):
+    for words in ("m driven", "updates", "surfaces", "m off", "1 room entered", "episode.mcap"):
         assert words in done.stdout
+    assert "episode.png" in done.stdout
     assert "40/40" in done.stderr
     assert "\x1b" not in done.stdout
 

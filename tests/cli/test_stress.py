@@ -144,6 +144,7 @@ def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
         (("--worlds", "gone.yaml"), "gone.yaml"),
         (("--agent", "randm"), "did you mean random"),
         (("--mapper", "albot2"), "albot2"),
+        (("--mapper", "ratslam-scenes"), "found ratslam-scenes, which needs scene"),
         (("--mapper-config", "a.yaml"), "a robot without a mapper"),
         (("--count", "0"), "count"),
         (("--steps", "0"), "steps"),

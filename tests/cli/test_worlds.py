@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import resource
 import sys
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from albot_cli import worlds
 from albot_cli.main import main
 from albot_maps import catalogue_names, load_world
 from albot_maps.generators.spec import KINDS, parameters_of
@@ -209,6 +212,27 @@ def test_make_writes_worlds_that_read_the_same(albot):
     assert not Path("gone").exists()
 
 
+def test_make_writes_more_worlds_than_a_process_can_have_files_open(albot):
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    free = os.open(os.devnull, os.O_RDONLY)
+    os.close(free)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (free + 20, hard))
+    try:
+        params = (word for name in ("columns=2", "rows=2", "loops=0") for word in ("--param", name))
+        status, _, err = albot("make", "maze", "--count", "60", *params, "--out", "made")
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    assert (status, err) == (0, "")
+    assert len(list(Path("made").glob("maze-*.yaml"))) == 60
+
+
+def test_make_looks_at_the_folder_before_it_works(albot, monkeypatch):
+    monkeypatch.setattr(worlds, "load_world", lambda spec: pytest.fail(f"made {spec}"))
+    Path("hut").write_text("x")
+    status, _, err = albot("make", "office", "--out", "hut")
+    assert (status, err) == (2, "albot: hut: expected a folder to write to, found a file at hut\n")
+
+
 @pytest.mark.parametrize("existed", [False, True])
 def test_make_on_a_full_disk_leaves_nothing_new(albot, full_disk, existed):
     if existed:
@@ -245,6 +269,7 @@ def test_make_draws_a_contact_sheet(albot):
         (("ofice", "--out", "o"), "found ofice (did you mean office?)"),
         (("office", "--out", "o", "--param", "room=3"), "found room (did you mean rooms?)"),
         (("office", "--out", "o", "--param", "rooms"), "found 'rooms'"),
+        (("office", "--out", "o", "--count", "1000001"), "1000001 is not in the range"),
         (("office", "--png", "o.jpg"), "--png: expected a name that ends in .png"),
         (
             ("maze", "--png", "o.png", "--count", "101"),

@@ -28,12 +28,19 @@ class Settings:
         (SHARE, (0, 0.5, 1), (-TINY, math.nextafter(1.0, 2.0))),
         (COUNT, (0, 3, np.int64(4)), (-1, 1.5, 2.0)),
         (Range("between", -1.0, 2.0, beyond=True), (-0.999, 0, 2), (-1, 2.001)),
+        (Range("one", 1.0, 1.0), (1, 1.0), (True, np.True_, 1j, [1.0])),
     ],
 )
 def test_a_range_holds_what_it_says(allowed, inside, outside) -> None:
     assert all(value in allowed for value in inside)
     for value in (*outside, math.nan, math.inf, -math.inf, 10**400, -(10**400), "1", None):
         assert value not in allowed
+
+
+def test_infinity_is_in_a_range_only_where_it_says_so() -> None:
+    allowed = Range("a number from 0, or infinity", 0.0, infinite=True)
+    assert all(value in allowed for value in (0, 1e300, math.inf))
+    assert not any(value in allowed for value in (-math.inf, math.nan, -1, True, None, "inf"))
 
 
 def test_the_first_wrong_field_is_named() -> None:

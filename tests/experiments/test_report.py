@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,37 @@ def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
     (tmp_path / "report.md").unlink()
     with pytest.raises(InputError, match="expected a report"):
         read_report(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("result.json", "{", r"result\.json, line 1: expected valid JSON"),
+        ("result.json", "[]", r"result\.json: expected a mapping"),
+        ("result.json", '{"id": 3}', r"result\.json, id: expected text, found 3"),
+        ("result.json", '{"id": "a", "paper": {}}', r"result\.json, measured: expected a value"),
+        ("report.md", "", r"report\.md: expected a heading .* found an empty file"),
+        ("report.md", "words", r"report\.md: expected a heading .* found words"),
+        ("report.md", b"\xff\xfe", r"report\.md: expected a heading"),
+    ],
+)
+def test_a_damaged_report_is_refused(
+    tmp_path: Path, name: str, content: str | bytes, told: str
+) -> None:
+    REPORT.write(tmp_path)
+    (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError, match=told):
+        read_report(tmp_path)
+
+
+def test_a_figure_that_is_not_finite_is_not_known(tmp_path: Path) -> None:
+    measured = {"error_m": {"median": 0.25, "worst": math.inf}, "share": math.nan, "count": 3}
+    report = dataclasses.replace(REPORT, measured=measured)
+    report.write(tmp_path)
+    known = {"error_m": {"median": 0.25, "worst": None}, "share": None, "count": 3}
+    assert json.loads((tmp_path / "result.json").read_text())["measured"] == known
+    assert rows(report.measured)[0] == ("error_m", "0.25 (worst –)")
+    assert index([read_report(tmp_path)], "runs") == index([report], "runs")
 
 
 def test_pictures_are_small_and_keep_their_colours(tmp_path: Path) -> None:

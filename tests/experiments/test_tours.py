@@ -57,7 +57,7 @@ def test_a_tour_through_a_wall_is_refused() -> None:
 
 
 def test_steps_must_have_a_size() -> None:
-    with pytest.raises(InputError, match="above 0"):
+    with pytest.raises(InputError, match="a positive number"):
         StartStop(move=0.0)
 
 
@@ -123,5 +123,5 @@ def test_a_drive_through_a_wall_is_refused():
 
 
 def test_driving_must_have_a_speed():
-    with pytest.raises(InputError, match="above 0"):
+    with pytest.raises(InputError, match="a positive number"):
         Driving(speed=0.0)

@@ -62,20 +62,24 @@ MOST_SEEDS = 1_000_000
 """Largest number of seeds; the plan of more would fill the memory."""
 
 
-def parse_seeds(text: str) -> range:
+def parse_seeds(text: str, option: str = "--seeds") -> range:
     """Parse the seeds of `A..B`, both included, or of one number.
+
+    Args:
+        text: The text.
+        option: The option that it was given to, for the error.
 
     Raises:
         InputError: The text is neither, B is below A, or there are more than `MOST_SEEDS`.
     """
     found = re.fullmatch(r"(\d{1,18})(?:\.\.(\d{1,18}))?", text.strip())
     if found is None:
-        raise InputError("--seeds", "A..B, as 1000..1019, or one seed", text or "nothing")
+        raise InputError(option, "A..B, as 1000..1019, or one seed", text or "nothing")
     first, last = int(found[1]), int(found[2] or found[1])
     if last < first:
-        raise InputError("--seeds", "a range A..B with B at least A", text)
+        raise InputError(option, "a range A..B with B at least A", text)
     if last - first >= MOST_SEEDS:
-        raise InputError("--seeds", f"at most {MOST_SEEDS:,} seeds", text)
+        raise InputError(option, f"at most {MOST_SEEDS:,} seeds", text)
     return range(first, last + 1)
 
 

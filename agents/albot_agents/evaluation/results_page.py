@@ -19,7 +19,7 @@ _KEYS = (
     "collisions_per_m", "coverage_auc", "coverage_auc_ci95", "rooms_share", "rooms_share_ci95",
     "precision", "recall", "recall_ci95", "mean_coverage",
 )  # fmt: skip
-"""Figures kept per row, if its task measures them."""
+"""Figures kept per row, if they are known."""
 
 _REQUIRED_FIELDS = {
     "task": str, "agent": str, "odometer": str, "kind": str, "command": str, "episodes": int,
@@ -86,7 +86,8 @@ def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
         "",
         "All agents, measured in buildings and with odometers that were not used for training or",
         "tuning. The agents of a row of worlds meet the same worlds, journeys and noise. In",
-        "brackets: 95 % intervals, Wilson's for rates and bootstrapped ones for means.",
+        "brackets: 95 % intervals, Wilson's for rates and bootstrapped ones for means. A dash: no",
+        "figure, such as the precision of an agent that claims nothing.",
         "[environments.md](environments.md) explains the columns.",
     ]
     for task in dict.fromkeys(row["task"] for row in rows):
@@ -108,7 +109,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Iterable[str]:
 
 def _written(row: Mapping[str, Any], key: str, interval: str | None, form: str) -> str:
     if key not in row:
-        return ""
+        return "–"
     text = form.format(row[key])
     if interval is not None and interval in row:
         low, high = row[interval]

@@ -28,7 +28,8 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     - `precision` and `recall` over all judged places, or over all claims to know a room, and the
       number of `revisits`.
 
-    Figures that the task does not measure are None.
+    Figures that the task does not measure are None; so is precision without a claim, and recall
+    without a revisit.
     """
     figures = _figures(outcomes)
     ends = [outcome.info for outcome in outcomes]
@@ -91,22 +92,22 @@ def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
 
 
 def _places(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return precision and recall over all judged or claimed places; None without any."""
+    """Return precision and recall over all judged or claimed places.
+
+    Both are None if the task judges no places. Precision is None if nothing is claimed, and recall
+    if nothing is revisited: a share of nothing is no figure.
+    """
     counted = (
         ("right_known", "false_known", "revisits"),
-        (
-            "right_claims",
-            "false_claims",
-            "re_entries",
-        ),
+        ("right_claims", "false_claims", "re_entries"),
     )
     names = next((names for names in counted if ends and names[0] in ends[0]), None)
     if names is None:
         return {"precision": None, "recall": None, "revisits": None}
     right, false, revisits = (sum(int(end[name]) for end in ends) for name in names)
     return {
-        "precision": right / (right + false) if right + false else 1.0,
-        "recall": right / revisits if revisits else 1.0,
+        "precision": right / (right + false) if right + false else None,
+        "recall": right / revisits if revisits else None,
         "revisits": revisits,
     }
 

@@ -142,7 +142,7 @@ def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:
 def _cell(found: Mapping[str, Any], name: str) -> str:
     value, interval = found.get(name), found.get(_INTERVALS.get(name, ""))
     if value is None:
-        return ""
+        return "–"
     return f"{value:.3f}" + (f" ({interval[0]:.3f} to {interval[1]:.3f})" if interval else "")
 
 

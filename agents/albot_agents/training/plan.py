@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from typing import Any
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.trained.network import LAYERS, SIZES
 from albot_core.errors import InputError, did_you_mean
-from albot_core.ranges import FINITE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 ALGORITHMS = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
@@ -234,7 +233,7 @@ class Schedule:
         return self.last + (self.first - self.last) * remaining
 
 
-def parse_schedule(value: float | str, name: str) -> Schedule:
+def parse_schedule(value: Any, name: str) -> Schedule:
     """Parse a schedule: a number (constant), `lin_A` (from A to 0), or `lin_A_B` (from A to B).
 
     Args:
@@ -250,11 +249,11 @@ def parse_schedule(value: float | str, name: str) -> Schedule:
             found = _LINEAR.fullmatch(value)
             if found is None:
                 raise ValueError
-            schedule = Schedule(float(found[1]), float(found[2] or 0))
+            ends = float(found[1]), float(found[2] or 0)
         else:
-            schedule = Schedule(value, value)
+            ends = value, value
     except ValueError:
         raise InputError(name, expected, str(value)) from None
-    if not (0 <= schedule.first < math.inf and 0 <= schedule.last < math.inf):
+    if any(end not in NOT_NEGATIVE for end in ends):
         raise InputError(name, expected, str(value))
-    return schedule
+    return Schedule(*ends)

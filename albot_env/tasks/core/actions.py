@@ -11,7 +11,7 @@ from gymnasium import spaces
 from jaxtyping import Bool, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.ranges import FINITE, POSITIVE, check_fields
 
 Numbers = Float64[np.ndarray, "robots numbers"]
 
@@ -159,6 +159,10 @@ class DeclaringActionConfig(ActionConfig):
 
     threshold: float = 0.5
     """The action declares if its third number is above this."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fields(self, FINITE, "threshold")
 
     def declares(self, numbers: Numbers) -> Bool[np.ndarray, "robots"]:
         """Return which actions declare."""

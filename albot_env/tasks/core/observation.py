@@ -16,7 +16,7 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError, did_you_mean
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation_kernels import Layout, Scales
@@ -47,6 +47,9 @@ HOMING_PARTS = tuple(
 """Parts observed in homing: the same without `time_left` and `frontier`."""
 DEFAULT_PARTS = tuple(part for part in HOMING_PARTS if part not in ("confidence", "exit", "way"))
 """Parts observed in other tasks: without the way home, which takes time to compute."""
+
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,10 +129,12 @@ class ObservationConfig:
         check_fields(self, POSITIVE, *ranges, "home_drift", "home_near", "step_length", "step_turn")
         check_fields(self, POSITIVE, "time_range")
         self._check_parts()
-        sectors = self.laser_sectors
-        if sectors is not None and self.laser is not None and not 1 <= sectors <= self.laser.beams:
-            expected = f"1 to the laser's {self.laser.beams} beams"
-            raise InputError("ObservationConfig.laser_sectors", expected, str(sectors))
+        if self.laser_sectors is not None:
+            allowed = _FROM_ONE
+            if self.laser is not None:
+                expected = f"a whole number from 1 to the laser's {self.laser.beams} beams"
+                allowed = Range(expected, 1.0, float(self.laser.beams), whole=True)
+            check_fields(self, allowed, "laser_sectors")
 
     def _check_parts(self) -> None:
         """Raise InputError if a part is unknown or named twice, or none is named."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
-from albot_core.errors import InputError
 from albot_core.kernels.compiled import kernel
+from albot_core.ranges import FINITE, Range, check_fields
 from albot_env.tasks.core.state import EpisodeStats
+
+_DISCOUNT = Range("a number within (0, 1]", 0.0, 1.0, beyond=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,13 +23,9 @@ class Weights:
     """The terms in order: a NamedTuple of numbers, in the form that compiled code takes."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not np.isfinite(value):
-                raise InputError(f"{type(self).__name__}.{name}", "a finite number", str(value))
-        discount = getattr(self, "discount", 1.0)
-        if not 0 < discount <= 1:
-            place = f"{type(self).__name__}.discount"
-            raise InputError(place, "within (0, 1]", str(discount))
+        check_fields(self, FINITE, *vars(self))
+        if hasattr(self, "discount"):
+            check_fields(self, _DISCOUNT, "discount")
 
     @property
     def values(self) -> Any:

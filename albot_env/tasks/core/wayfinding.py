@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyGrids,
@@ -17,6 +17,9 @@ from albot_env.tasks.core.wayfinding_kernels import (
     SearchParams,
     clear_occupancy,
 )
+
+_WORTH = Range("a number from 1", 1.0)
+_EVERY = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,17 +59,17 @@ class WayfindingConfig:
     def __post_init__(self) -> None:
         sizes = "cell", "reach", "radius", "wide", "margin", "first", "last", "ahead"
         check_fields(self, POSITIVE, *sizes)
-        self._check("worth", 1.0)
-        self._check("every", 1.0)
+        check_fields(self, _WORTH, "worth")
+        check_fields(self, _EVERY, "every")
         self._check("wide", self.radius)
         self._check("margin", self.wide + self.cell)
         self._check("first", self.wide + self.cell)
         self._check("last", self.first)
 
     def _check(self, name: str, least: float) -> None:
-        """Raise InputError if a number is NaN or below its minimum."""
+        """Raise InputError if a number is below its minimum."""
         found = getattr(self, name)
-        if not found >= least:
+        if found < least:
             raise InputError(f"WayfindingConfig.{name}", f"at least {least:g}", str(found))
 
     def side(self, extent: float) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
+from albot_core.ranges import NOT_NEGATIVE, check_fields
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
@@ -36,9 +37,7 @@ class OutwardJourneyConfig:
     """A journey is extended while the way home from its end is shorter than this (m)."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 <= value < math.inf:
-                raise InputError(f"OutwardJourneyConfig.{name}", "a length (m)", str(value))
+        check_fields(self, NOT_NEGATIVE, *vars(self))
         if self.shortest > self.longest:
             expected = f"at least shortest, {self.shortest:g}"
             raise InputError("OutwardJourneyConfig.longest", expected, f"{self.longest:g}")

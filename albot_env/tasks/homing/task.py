@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Bool, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
+from albot_core.ranges import POSITIVE, check_fields
 from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
@@ -49,8 +49,7 @@ class HomingConfig:
     """Straight-line distance from the start within which the robot is home (m)."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.radius < np.inf:
-            raise InputError("HomingConfig.radius", "a positive length (m)", str(self.radius))
+        check_fields(self, POSITIVE, "radius")
 
 
 class HomingTask(BatchedRobots):

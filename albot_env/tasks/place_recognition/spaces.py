@@ -10,6 +10,7 @@ from gymnasium import spaces
 from jaxtyping import Float32
 
 from albot_core.errors import InputError
+from albot_core.ranges import COUNT, check_fields
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import Layout
@@ -26,6 +27,10 @@ class AnswerActionConfig(ActionConfig):
 
     most: int
     """Maximum number of earlier arrivals."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fields(self, COUNT, "most")
 
     @property
     def space(self) -> spaces.Space[Any]:
@@ -95,6 +100,10 @@ class ArrivalsObservationConfig(ObservationConfig):
 
     most: int
     """Maximum number of earlier arrivals."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fields(self, COUNT, "most")
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:

@@ -7,6 +7,7 @@ import reprlib
 from typing import TypeGuard
 
 import numpy as np
+from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import TRAVEL, Estimate, MapperSpec
@@ -18,7 +19,7 @@ _WAY_HOME = 7
 
 
 def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
-    """Check the poses of an estimate.
+    """Check the poses of an estimate, and the reading that it matches.
 
     Args:
         estimate: The estimate.
@@ -27,13 +28,20 @@ def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
             before the first.
 
     Raises:
-        InputError: The pose or home is not an array of three finite numbers.
+        InputError: The pose or home is not an array of three finite numbers, or the matched reading
+            is no earlier one.
     """
     # Plain Python, because it runs at every reading and numpy is slower for three numbers.
     for name, pose in (("pose", estimate.pose), ("home", estimate.home)):
         if not (_is_array(pose, _POSE) and all(map(math.isfinite, pose.tolist()))):
             expected = "an array of 3 finite numbers, (x, y, heading)"
             raise _error(spec, reading, f"estimate.{name}", expected, pose)
+    matched = estimate.matched_reading
+    if matched is not None and not (
+        isinstance(matched, int | np.integer) and 0 <= matched <= reading
+    ):
+        expected = "the number of an earlier reading, or None"
+        raise _error(spec, reading, "estimate.matched_reading", expected, np.asarray(matched))
 
 
 def check_way_home(way: object, spec: MapperSpec, reading: int) -> None:
@@ -61,6 +69,62 @@ def check_corrected_poses(poses: object, spec: MapperSpec, readings: int) -> Non
     ):
         expected = f"an array of finite numbers, of shape {(readings, _POSE)}"
         raise _error(spec, readings - 1, "corrected_poses()", expected, poses)
+
+
+def check_array(
+    array: object, name: str, kind: type[np.generic], shape: tuple[int, ...], spec: MapperSpec
+) -> None:
+    """Check that a batch's array can be read by compiled code.
+
+    Args:
+        array: The array.
+        name: Its name in `MapperBatch`.
+        kind: Type of its numbers.
+        shape: Its shape.
+        spec: The mappers' spec.
+
+    Raises:
+        InputError: It is something else, or its numbers are not side by side in memory.
+    """
+    if isinstance(array, np.ndarray) and array.dtype == kind and array.shape == shape:
+        if array.flags.c_contiguous:
+            return
+        found = "one that is not contiguous"
+    elif isinstance(array, np.ndarray):
+        found = f"one of {array.dtype} of shape {array.shape}"
+    else:
+        found = f"a {type(array).__name__}, {reprlib.repr(array)}"
+    expected = f"a contiguous array of {np.dtype(kind)} of shape {shape}"
+    raise InputError(f"mapper {spec.name}, batch", expected, found, place=name)
+
+
+def check_rows(
+    array: np.ndarray,
+    name: str,
+    rows: Int64[np.ndarray, "some"],
+    right: Bool[np.ndarray, "some"],
+    expected: str,
+    spec: MapperSpec,
+    readings: Int64[np.ndarray, "robots"],
+) -> None:
+    """Check that the values of some rows of a batch's array are right.
+
+    Args:
+        array: The array.
+        name: Its name in `MapperBatch`.
+        rows: The rows.
+        right: Whether the values of each of them are right.
+        expected: What was expected of them.
+        spec: The mappers' spec.
+        readings: Number of readings of each robot since its reset.
+
+    Raises:
+        InputError: A row is not right; the error names the first.
+    """
+    if not right.all():
+        row = int(rows[np.argmin(right)])
+        found = np.asarray(array[row])
+        raise _error(spec, int(readings[row]) - 1, f"{name}[{row}]", expected, found)
 
 
 def _is_array(value: object, size: int) -> TypeGuard[np.ndarray]:

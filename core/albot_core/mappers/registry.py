@@ -10,10 +10,12 @@ from typing import Any, get_args
 import numpy as np
 
 from albot_core.errors import InputError, did_you_mean
+from albot_core.mappers.checked_batch import CheckedMappers
 from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
 from albot_core.maps.layers import LAYERS
 from albot_core.plain_data import Location, read_config
+from albot_core.ranges import Range
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
@@ -27,8 +29,12 @@ _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IE
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
 _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
-_MEMBERS = tuple(name for name in vars(Mapper) if not name.startswith("_"))
-"""The properties and methods that every mapper has."""
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+_MEMBERS = {
+    kind.__name__: tuple(name for name in vars(kind) if not name.startswith("_"))
+    for kind in (Mapper, MapperBatch)
+}
+"""The properties and methods that every mapper and every batch has, by protocol."""
 
 MAPPERS: dict[str, MapperSpec] = {
     spec.name: spec
@@ -274,12 +280,7 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
     spec = mapper_spec(name)
     check_installed(spec)
     mapper: Mapper = _load(spec, "factory")(config=mapper_config(spec, config), name=spec.name)
-    # Of the class, because a property of the object is costly.
-    known = {*dir(type(mapper)), *getattr(mapper, "__dict__", ())}
-    if missing := [member for member in _MEMBERS if member not in known]:
-        expected = f"the members of Mapper: {', '.join(_MEMBERS)}"
-        found = f"{type(mapper).__name__} without {', '.join(missing)}"
-        raise InputError(f"mapper {spec.name}", expected, found, place="factory")
+    _check_members(mapper, "Mapper", spec, "factory")
     if rng is not None:
         mapper.reset(rng)
     return mapper
@@ -288,15 +289,34 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
 def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
     """Make a batch of fresh mappers of one kind, one per robot.
 
+    What a batch from outside the project gives is checked at every call.
+
     Raises:
-        InputError: As for `make_mapper`.
+        InputError: As for `make_mapper`; or the count is not a whole number from 1, or the batch
+            is not as `MapperBatch` says.
     """
     spec = mapper_spec(name)
+    if count not in _FROM_ONE:
+        raise InputError("make_mappers, count", _FROM_ONE.expected, str(count))
     config = mapper_config(spec, config)
     if spec.batch is None:
         return LoopedMappers([make_mapper(name, config=config) for _ in range(count)])
     mappers: MapperBatch = _load(spec, "batch")(count, config=config, name=spec.name)
-    return mappers
+    if spec.batch.startswith("albot_core."):  # Our own are checked by the tests.
+        return mappers
+    _check_members(mappers, "MapperBatch", spec, "batch")
+    return CheckedMappers(mappers, count, spec)
+
+
+def _check_members(made: object, protocol: str, spec: MapperSpec, field: str) -> None:
+    """Raise InputError unless what a field of the spec has made has the protocol's members."""
+    members = _MEMBERS[protocol]
+    # Of the class, because a property of the object is costly.
+    known = {*dir(type(made)), *getattr(made, "__dict__", ())}
+    if missing := [member for member in members if member not in known]:
+        expected = f"the members of {protocol}: {', '.join(members)}"
+        found = f"{type(made).__name__} without {', '.join(missing)}"
+        raise InputError(f"mapper {spec.name}", expected, found, place=field)
 
 
 def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None = None) -> Any:

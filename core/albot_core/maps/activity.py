@@ -13,6 +13,7 @@ from jaxtyping import Float32
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.ranges import POSITIVE, check_fields
 
 MOST_CELLS = 4096
 """Largest number of cells along each axis of the plane."""
@@ -37,8 +38,7 @@ class Activity:
     """The centre of the largest packet (m, m, rad)."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.cell < np.inf:
-            raise InputError("Activity.cell", "a positive length (m)", str(self.cell))
+        check_fields(self, POSITIVE, "cell")
         rows, columns = self.values.shape
         if not (0 < rows <= MOST_CELLS and 0 < columns <= MOST_CELLS):
             expected = f"1 to {MOST_CELLS} rows and columns"

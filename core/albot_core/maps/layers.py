@@ -14,9 +14,9 @@ from typing import ClassVar, TypeVar
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
+from albot_core.ranges import POSITIVE, check_fields
 
 FEW, LABEL_SPACING = 10, 1.0
 """Up to `FEW` places are always labelled; more only if they are `LABEL_SPACING` apart (m)."""
@@ -44,9 +44,7 @@ class OccupancyGridLayer:
     """Probability that each cell is occupied; NaN for unknown cells."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.resolution < np.inf:
-            found = str(self.resolution)
-            raise InputError("OccupancyGridLayer.resolution", "a positive length (m)", found)
+        check_fields(self, POSITIVE, "resolution")
 
     def centres(self, least: float) -> Points:
         """Return the centres of the cells with an occupancy of at least `least` (m, map frame)."""

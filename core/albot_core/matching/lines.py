@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
 from albot_core.geometry.pose_kernels import rotate, rotate_back, transform_point
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.matching.least_squares import pulled_by_line, solved, stiff
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
 
 MAX_LINES = 48
 """Largest number of lines that are compared, the longest ones: the work grows with the fourth power
@@ -46,6 +45,9 @@ ALIKE = MatchLimits(0.0, 0.0, 0.0, max_shift=1.0, max_turn=float(np.radians(20.0
 """Two matches within these limits, seen from the robot, are one."""
 
 
+_SHIFT = Range("a positive number, or infinity", 0.0, beyond=True, infinite=True)
+
+
 @dataclass(frozen=True, kw_only=True)
 class MatchConfig:
     """When two lines, and two places, match."""
@@ -63,8 +65,7 @@ class MatchConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "min_length", "max_gap", "max_angle", "max_turn")
-        if not self.max_shift > 0:
-            raise InputError("MatchConfig.max_shift", "above 0", str(self.max_shift))
+        check_fields(self, _SHIFT, "max_shift")
 
     @property
     def limits(self) -> MatchLimits:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -11,12 +12,24 @@ from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
-from albot_core.ranges import FINITE, Range, check_fields
+from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 Sensor = Literal["laser", "sonar", "scene"]
 """The sensors that a reading can hold besides odometry."""
 
 _BEAMS = Range("a whole number from 2", 2.0, whole=True)
+_SPACING = Range("an angle within (0, pi/2]", 0.0, math.pi / 2, beyond=True)
+_BEAM_WIDTH = Range("an angle within [0, pi/2)", 0.0, math.nextafter(math.pi / 2, 0.0))
+_CONE = Range("an angle within (0, pi)", 0.0, math.nextafter(math.pi, 0.0), beyond=True)
+
+
+def _check_array(name: str, value: object, count: int, what: str) -> None:
+    """Raise InputError unless a value is an array of `count` numbers; `what` says which."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+        kind = f"one of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+        raise InputError(name, f"an array of {count} {what}", kind)
+    if value.shape != (count,):
+        raise InputError(name, f"{count} {what}", str(value.shape))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,15 +55,12 @@ class LaserGeometry:
         if len(self.mount) != 3 or any(number not in FINITE for number in self.mount):
             expected = "three finite numbers x, y (m), heading (rad)"
             raise InputError("LaserGeometry.mount", expected, str(self.mount))
-        if not 0 < self.spacing <= np.pi / 2:
-            raise InputError("LaserGeometry.spacing", "within (0, pi/2]", str(self.spacing))
-        if not 0 <= self.beam_width < np.pi / 2:
-            raise InputError("LaserGeometry.beam_width", "within [0, pi/2)", str(self.beam_width))
+        check_fields(self, _SPACING, "spacing")
+        check_fields(self, _BEAM_WIDTH, "beam_width")
+        check_fields(self, POSITIVE, "max_range")
         if (self.beams - 1) * self.spacing > 2 * np.pi + 1e-9:
             found = f"{self.beams} beams {self.spacing:g} rad apart"
             raise InputError("LaserGeometry.beams", "at most a full turn", found)
-        if not 0 < self.max_range < np.inf:
-            raise InputError("LaserGeometry.max_range", "a positive length", str(self.max_range))
 
     @cached_property
     def bearings(self) -> Ranges:
@@ -74,12 +84,7 @@ class LaserScan:
     """The beam geometry."""
 
     def __post_init__(self) -> None:
-        if self.ranges.shape != (self.geometry.beams,):
-            raise InputError(
-                "LaserScan.ranges",
-                f"{self.geometry.beams} ranges, one per beam",
-                str(self.ranges.shape),
-            )
+        _check_array("LaserScan.ranges", self.ranges, self.geometry.beams, "ranges, one per beam")
         if not (self.ranges >= 0).all():
             beam = int(np.argmin(self.ranges >= 0))
             raise InputError(
@@ -119,17 +124,20 @@ class SonarGeometry:
     """Maximum range (m); ranges at or above it mean no return."""
 
     def __post_init__(self) -> None:
-        if not self.bearings or not np.isfinite(self.bearings).all():
+        if not self.bearings or any(bearing not in FINITE for bearing in self.bearings):
             expected = "one finite bearing (rad) or more"
             raise InputError("SonarGeometry.bearings", expected, str(self.bearings))
-        if len(self.places) != len(self.bearings) or not np.isfinite(self.places).all():
+        numbers = [number for place in self.places for number in place]
+        known = len(self.places) == len(self.bearings)
+        if not known or any(number not in FINITE for number in numbers):
             expected = f"{len(self.bearings)} finite pairs x, y (m), one per bearing"
             raise InputError("SonarGeometry.places", expected, str(self.places))
-        if not 0 < self.cone < np.pi:
-            raise InputError("SonarGeometry.cone", "within (0, pi)", str(self.cone))
-        if not 0 <= self.min_range < self.max_range < np.inf:
-            found = f"{self.min_range:g} and {self.max_range:g}"
-            raise InputError("SonarGeometry.max_range", "lengths above min_range", found)
+        check_fields(self, _CONE, "cone")
+        check_fields(self, NOT_NEGATIVE, "min_range")
+        check_fields(self, POSITIVE, "max_range")
+        if self.min_range >= self.max_range:
+            expected = f"more than min_range, {self.min_range:g}"
+            raise InputError("SonarGeometry.max_range", expected, f"{self.max_range:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,9 +151,7 @@ class SonarScan:
 
     def __post_init__(self) -> None:
         count = len(self.geometry.bearings)
-        if self.ranges.shape != (count,):
-            expected = f"{count} ranges, one per sonar"
-            raise InputError("SonarScan.ranges", expected, str(self.ranges.shape))
+        _check_array("SonarScan.ranges", self.ranges, count, "ranges, one per sonar")
         if not (self.ranges >= 0).all():
             sonar = int(np.argmin(self.ranges >= 0))
             found = f"{self.ranges[sonar]} at sonar {sonar}"
@@ -168,7 +174,8 @@ class Reading:
     """Number of the visible scene; None for no scene or without a camera."""
 
     def __post_init__(self) -> None:
-        if self.motion.shape != (3,) or not np.isfinite(self.motion).all():
+        _check_array("Reading.motion", self.motion, 3, "numbers: x, y (m), heading (rad)")
+        if not np.isfinite(self.motion).all():
             raise InputError("Reading.motion", "three finite numbers", str(self.motion))
 
     def required_laser(self, by: str) -> LaserScan:

@@ -14,6 +14,7 @@ from albot_agents.evaluation.comparison import (
     Comparison,
     Figures,
     PairedTrials,
+    TableRow,
     plan_paired_trials,
     run_paired_trials,
 )
@@ -73,6 +74,20 @@ def test_rates_are_written_with_their_intervals() -> None:
     assert "| k | o | `a` | 9 | 50% (25%–75%) | 0.12 |" in text
 
 
+def test_a_row_without_a_figure_that_others_have_shows_a_dash(tmp_path: Path) -> None:
+    judged, silent = (
+        TableRow(task="T", agent=agent, odometer="o", kind="k") for agent in ("judge", "silent")
+    )
+    figures = {
+        judged: {"episodes": 2, "precision": 0.5, "recall": 0.25},
+        silent: {"episodes": 2, "precision": None, "recall": 0.0},
+    }
+    rows = save_figures(figures, "c", tmp_path / "results.json")
+    text = render_page(rows)
+    assert "| k | o | `judge` | 2 | 50.0% | 25% |" in text
+    assert "| k | o | `silent` | 2 | – | 0% |" in text
+
+
 @pytest.mark.parametrize("text", ["{", "{}", '[{"task": 1}]', '["row"]', "[1]"])
 def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "results.json"
@@ -82,10 +97,17 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_the_command_refuses_before_it_works(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(comparison, "COMPARISONS", (SHORT,))
     (tmp_path / "notes.md").write_text("mine")
+    plans = tmp_path_factory.mktemp("plans")
+    (plans / "a.xml").write_text("")
+    (plans / "docs").mkdir()
+    monkeypatch.chdir(plans)  # What is refused too late writes no page of the project's.
     for words, said in (
         (["--task", "Albot/Homing-v1"], "did you mean Albot/Homing-v0"),
         (["--task", "explore"], "--task: expected one of Albot/Homing-v0, found Albot/Explore-v0"),
@@ -94,6 +116,9 @@ def test_the_command_refuses_before_it_works(
         (["--out", str(tmp_path / "notes.md")], "expected a page with its figures in notes.json"),
         (["--seeds", "5..3"], "--seeds"),
         (["--out", str(tmp_path)], "directory"),
+        (["--plan-seeds", "1..2"], "--plan-seeds: expected --plans"),
+        (["--plans", str(tmp_path)], "--plans: expected a folder of floor plans in XML"),
+        (["--plans", str(plans), "--plan-seeds", "5..3"], "--plan-seeds: expected a range A..B"),
     ):
         monkeypatch.setattr("sys.argv", ["albot", "results", *words])
         with pytest.raises(SystemExit) as stopped:

@@ -76,6 +76,37 @@ def test_what_a_task_does_not_know_is_none() -> None:
     assert summarise([])["episodes"] == 0
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("right_known", "false_known", "revisits"),
+        ("right_claims", "false_claims", "re_entries"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("counts", "precision", "recall"),
+    [
+        ((3, 1, 6), 0.75, 0.5),
+        ((0, 2, 5), 0.0, 0.0),
+        ((0, 0, 5), None, 0.0),  # Nothing was claimed.
+        ((0, 2, 0), 0.0, None),  # There was nothing to know again.
+        ((0, 0, 0), None, None),
+    ],
+)
+def test_a_share_of_nothing_is_no_figure(
+    names: tuple[str, ...],
+    counts: tuple[int, ...],
+    precision: float | None,
+    recall: float | None,
+) -> None:
+    figures = summarise([_outcome("square-loop", 1, 0.9, **dict(zip(names, counts, strict=True)))])
+    told = figures["precision"], figures["recall"], figures["revisits"]
+    assert told == (precision, recall, counts[2])
+    assert {name: figures["worlds"][0][name] for name in ("precision", "recall")} == {
+        "precision": precision, "recall": recall,
+    }  # fmt: skip
+
+
 def test_failures_are_drawn(tmp_path: Path) -> None:
     save_failures(OUTCOMES, tmp_path / "some.png")
     save_failures(OUTCOMES[2:], tmp_path / "none.png")

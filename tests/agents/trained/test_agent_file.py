@@ -276,6 +276,10 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
     assert row in text
     assert "to 0.990) | 0.995 | 0.900 |" in text
     assert "SPL |" not in text
+    (tmp_path / "silent.json").write_text(json.dumps(figures | {"precision": None, "recall": 0.0}))
+    silent = read_evaluation(tmp_path / "silent.json", agent)
+    card, _ = write_card(agent, "homer", tmp_path / "homer.md", [evaluation, silent])
+    assert "to 0.990) | – | 0.000 |" in card.read_text()
     assert picture.read_bytes().startswith(b"\x89PNG")
     (tmp_path / "e.json").write_text("[]")
     with pytest.raises(InputError, match="the figures of `albot evaluate`"):

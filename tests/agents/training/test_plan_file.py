@@ -78,7 +78,7 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"policy": {"net_arch": 64}}, "policy.net_arch: expected a list, found 64"),
         ({"env": {"maper": "none"}}, "env.maper: expected one of .*did you mean mapper"),
         ({"env": {"config": {"radus": 2}}}, "env.config.radus: .*did you mean radius"),
-        ({"env": {"config": {"radius": -1}}}, "env.config.radius: expected a positive length"),
+        ({"env": {"config": {"radius": -1}}}, "env.config.radius: expected a positive number"),
         (
             {"env": {"config": {"weights": {"discount": 0.9}}}},
             "discount: expected 0.995, the same as gamma",

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_points
 from albot_core.geometry.types import Poses
 from albot_core.mappers.mapper import Estimate, MapperSpec
@@ -19,7 +18,10 @@ from albot_core.maps.layers import (
     ParticlesLayer,
     TrajectoryLayer,
 )
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import Reading
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,10 +38,9 @@ class GridConfig:
     """Side of a cell (m)."""
 
     def __post_init__(self) -> None:
-        if self.particles < 1:
-            raise InputError("GridConfig.particles", "at least 1", str(self.particles))
-        if not 0 <= self.noise < np.inf:
-            raise InputError("GridConfig.noise", "at least 0", str(self.noise))
+        check_fields(self, _FROM_ONE, "particles", "side")
+        check_fields(self, NOT_NEGATIVE, "noise")
+        check_fields(self, POSITIVE, "resolution")
 
 
 class GridMapper:

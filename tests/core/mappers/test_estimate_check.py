@@ -86,6 +86,15 @@ def test_a_pose_is_three_finite_numbers(batch, monkeypatch, name, value, found):
         follow(batch, 1)
 
 
+@pytest.mark.parametrize("matched", [-1, BAD + 1, 0.5, "a"])
+def test_a_matched_reading_is_an_earlier_one(batch, monkeypatch, matched):
+    monkeypatch.setattr(Wrong, "wrong", ("matched_reading", matched))
+    follow(batch, BAD)
+    expected = rf"^mapper odd, reading {BAD}, estimate\.matched_reading: expected the number of an"
+    with pytest.raises(InputError, match=rf"{expected} earlier .* found {matched}$"):
+        follow(batch, 1)
+
+
 @pytest.mark.parametrize("way", [np.zeros(5), np.full(7, NAN), None])
 def test_a_way_home_is_seven_numbers(batch, monkeypatch, way):
     follow(batch, 1)

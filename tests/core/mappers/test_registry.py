@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import subprocess
 import sys
 from typing import Any
@@ -143,6 +144,15 @@ def test_a_config_is_of_the_mappers_own_class():
         make_mapper("grid", config=Albot1Config())
     with pytest.raises(InputError, match="expected a mapping or GridConfig"):
         make_mappers("grid", 2, config=Albot1Config())
+
+
+@pytest.mark.parametrize("count", [0, -1, 1.5, "a", None])
+@pytest.mark.parametrize("name", ["albot1", "odometry"])
+def test_a_batch_is_of_one_robot_or_more(name: str, count: Any):
+    make = inspect.unwrap(make_mappers)  # Users' types are not checked as those of the tests are.
+    expected = "^make_mappers, count: expected a whole number from 1, found"
+    with pytest.raises(InputError, match=f"{expected} {count}$"):
+        make(name, count)
 
 
 def test_by_its_own_class_or_by_its_name_a_mapper_is_the_same():

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec, register_mapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode
+from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import Reading
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +30,8 @@ class TopologicalConfig:
     """A place is recognised when its last visit ended so many readings ago."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.width < np.inf:
-            raise InputError("TopologicalConfig.width", "a positive length (m)", str(self.width))
-        if self.apart < 1:
-            raise InputError("TopologicalConfig.apart", "at least 1", str(self.apart))
+        check_fields(self, POSITIVE, "width")
+        check_fields(self, _FROM_ONE, "apart")
 
 
 class TopologicalMapper:

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
+from typing import Any
+
 import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import (
+    LaserGeometry,
+    LaserScan,
+    Reading,
+    SonarGeometry,
+    SonarScan,
+)
 
 
 def scan_of(ranges: list[float], **geometry: object) -> LaserScan:
@@ -48,6 +57,21 @@ def test_a_wrong_beam_count_is_refused() -> None:
 def test_motion_must_be_finite() -> None:
     with pytest.raises(InputError, match="three finite numbers"):
         Reading(stamp=0.0, motion=np.array([0.0, np.nan, 0.0]), laser=scan_of([1.0, 1.0]))
+
+
+@pytest.mark.parametrize("wrong", [[1.0, 2.0, 3.0], None, "abc", np.array(["1", "2", "3"])])
+def test_what_is_no_array_of_numbers_is_refused(wrong: Any) -> None:
+    def make(kind: type, **given: Any) -> None:
+        # Users' types are not checked as those of the tests are.
+        inspect.unwrap(kind.__init__)(object.__new__(kind), **given)
+
+    three = SonarGeometry(bearings=(0.0, 0.1, 0.2), places=((0.0, 0.0),) * 3)
+    with pytest.raises(InputError, match=r"^LaserScan\.ranges: expected an array of 3 ranges"):
+        make(LaserScan, ranges=wrong, geometry=LaserGeometry(beams=3))
+    with pytest.raises(InputError, match=r"^SonarScan\.ranges: expected an array of 3 ranges"):
+        make(SonarScan, ranges=wrong, geometry=three)
+    with pytest.raises(InputError, match=r"^Reading\.motion: expected an array of 3 numbers"):
+        make(Reading, stamp=0.0, motion=wrong, laser=None, sonar=None, scene=None)
 
 
 IMPOSSIBLE: list[dict[str, object]] = [

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.matching.lines import MatchConfig
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.view import ViewConfig
 
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+_HEIGHT = Range("a number from 0, or infinity", 0.0, infinite=True)
 
 
 class Albot1Limits(NamedTuple):
@@ -232,8 +232,7 @@ class Albot1Config:
         angles = "landmark_angle", "turn_cost", "turn_error", "turn_scale"
         check_fields(self, POSITIVE, *lengths, *angles, "min_exit_width", "max_exit_width")
         check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
-        if not self.join_height >= 0:
-            raise InputError("Albot1Config.join_height", "a length from 0", str(self.join_height))
+        check_fields(self, _HEIGHT, "join_height")
         check_fields(self, SHARE, "unsure")
         check_fields(self, _FROM_ONE, "min_landmarks")
 

@@ -19,8 +19,11 @@ from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
+from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,12 +40,8 @@ class OdometryConfig:
     """Largest number of surfaces in the map; the oldest are dropped first."""
 
     def __post_init__(self) -> None:
-        for name, unit in (("step", "m"), ("turn", "rad")):
-            value = getattr(self, name)
-            if not 0 <= value < np.inf:
-                raise InputError(f"OdometryConfig.{name}", f"0 or more ({unit})", str(value))
-        if self.capacity < 1:
-            raise InputError("OdometryConfig.capacity", "at least 1", str(self.capacity))
+        check_fields(self, NOT_NEGATIVE, "step", "turn")
+        check_fields(self, _FROM_ONE, "capacity")
 
 
 _SHAPES: dict[str, Shape] = {

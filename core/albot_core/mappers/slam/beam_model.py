@@ -14,15 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.tiles import NONE, TILE, PoolArrays, log_odds_at
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 _MARGIN = 1.0
 """Width of the margin around the beams' expected ends that is cut out of the map (m)."""
 _PARTS = 4
 """The end of a beam within its cell is rounded to one of this many parts, in each of x and y."""
+
+_NEGATIVE = Range("a number below 0", -math.inf, math.nextafter(0.0, -1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +45,7 @@ class BeamConfig:
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "spacing")
         check_fields(self, POSITIVE, "sigma", "likelihood_sigma", "gain")
-        if not -math.inf < self.null < 0.0:
-            raise InputError("BeamConfig.null", "a number below 0", str(self.null))
+        check_fields(self, _NEGATIVE, "null")
 
 
 def beam_tables(

@@ -22,7 +22,9 @@ from albot_core.planning.grid_search import (
     trace_path,
 )
 from albot_core.planning.occupancy_grid import NEAR_BY
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
+
+_COARSER = Range("1, 2, 4 or 8", 1.0, 8.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +46,9 @@ class WayHomeConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius", "wide", "stood", "ahead")
-        if self.coarser not in (1, 2, 4, 8):
-            raise InputError("WayHomeConfig.coarser", "1, 2, 4 or 8", str(self.coarser))
+        check_fields(self, _COARSER, "coarser")
+        if self.coarser & (self.coarser - 1):
+            raise InputError("WayHomeConfig.coarser", _COARSER.expected, str(self.coarser))
 
 
 class RouteKeeper:

@@ -115,7 +115,7 @@ def test_walls_are_drawn_as_one_only_where_that_is_straight(aside: float, is_one
 
 @pytest.mark.parametrize("height", [-0.01, np.nan])
 def test_a_join_height_is_a_length(height: float) -> None:
-    with pytest.raises(InputError, match=r"join_height: expected a length from 0, found"):
+    with pytest.raises(InputError, match=r"join_height: expected a number from 0, or infinity"):
         Albot1Config(join_height=height)
 
 

@@ -1,0 +1,98 @@
+"""Every number of every configuration is checked: what is no number is refused by its name."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import math
+import pkgutil
+from collections.abc import Iterator
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+
+import albot_agents
+import albot_core
+import albot_env
+import albot_experiments
+import albot_maps
+from albot_agents.trained.network import NetworkConfig
+from albot_core.errors import InputError
+from albot_core.maps.activity import Activity
+from albot_core.maps.layers import OccupancyGridLayer
+from albot_env.tasks.place_recognition.spaces import (
+    AnswerActionConfig,
+    ArrivalsObservationConfig,
+)
+from albot_maps.generators.parameters import Parameters
+from albot_maps.movables import Box, Door, Walker
+
+ORIGIN = np.zeros(3)
+EXAMPLES: tuple[Any, ...] = (
+    NetworkConfig(inputs=3, layers=(4,), activation="tanh", outputs=2),
+    AnswerActionConfig(most=3),
+    ArrivalsObservationConfig(most=3),
+    Door(hinge=(0.0, 0.0), heading=0.0, width=1.0),
+    Box(at=(0.0, 0.0)),
+    Walker(route=((0.0, 0.0), (1.0, 0.0))),
+    Activity(cell=1.0, values=np.ones((2, 2), np.float32), packet=ORIGIN),
+    OccupancyGridLayer(origin=ORIGIN, resolution=1.0, occupancy=np.ones((2, 2), np.float32)),
+)
+"""One of each kind that cannot be made without arguments."""
+
+
+def _kinds() -> Iterator[type]:
+    """All kinds of our libraries that hold settings or check what they hold."""
+    for library in (albot_core, albot_maps, albot_env, albot_agents, albot_experiments):
+        for found in pkgutil.walk_packages(library.__path__, f"{library.__name__}."):
+            for kind in vars(importlib.import_module(found.name)).values():
+                ours = inspect.isclass(kind) and kind.__module__ == found.name
+                if not ours or not dataclasses.is_dataclass(kind) or kind is Parameters:
+                    continue
+                if kind.__name__.endswith("Config") or hasattr(kind, "__post_init__"):
+                    yield kind
+
+
+def _examples() -> Iterator[Any]:
+    given = {type(example) for example in EXAMPLES}
+    yield from EXAMPLES
+    for kind in _kinds():
+        needed = [
+            field
+            for field in dataclasses.fields(kind)
+            if field.default is field.default_factory is dataclasses.MISSING
+        ]
+        if kind not in given and (not needed or kind.__name__.endswith("Config")):
+            yield kind()
+
+
+def _numbers() -> Iterator[Any]:
+    """Each numeric field of each configuration, and whether it may be None."""
+    for example in _examples():
+        hints = get_type_hints(type(example))
+        for field in dataclasses.fields(example):
+            hint = hints[field.name]
+            kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+            if {int, float} & set(kinds):
+                name = f"{type(example).__name__}.{field.name}"
+                yield pytest.param(example, field.name, NoneType in kinds, id=name)
+
+
+@pytest.mark.parametrize(("example", "name", "optional"), list(_numbers()))
+def test_what_is_no_number_is_refused_by_the_fields_name(
+    example: Any, name: str, optional: bool
+) -> None:
+    given = {field.name: getattr(example, field.name) for field in dataclasses.fields(example)}
+    # Users' types are not checked as those of the test run are.
+    unchecked = inspect.unwrap(type(example).__init__)
+    for wrong in ("a", None, math.nan, True, [1.0], 1j):
+        if wrong is None and optional:
+            continue
+        with pytest.raises(InputError) as refused:
+            unchecked(object.__new__(type(example)), **given | {name: wrong})
+        told = f"{refused.value.source}, {refused.value.place}"
+        assert name in told, told
+        assert refused.value.found == str(wrong)
