@@ -196,8 +196,8 @@ on the logs of experiment 6, with places left out as in chapter 3. Medians over 
 {LOG_COPIES} copies with a little noise. Reached where all together better the letter's path on the
 drive.
 
-`albot1` keeps none of the three. *Covered* changes no network of it, *obstructing* next to nothing
-on logs; *outer end kept* betters the drive and most logs, and worsens Intel.
+`albot1` keeps the first two: *obstructing* betters the corridor and ACES, *outer end kept* the
+drive, Intel and the first log of Wean Hall. *Covered* changes nothing in it.
 """
 
 
