@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import reprlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Integral, Real
 
@@ -41,6 +43,8 @@ FINITE = Range("a finite number", -math.inf)
 POSITIVE = Range("a positive number", 0.0, beyond=True)
 NOT_NEGATIVE = Range("a number from 0", 0.0)
 COUNT = Range("a whole number from 0", 0.0, whole=True)
+FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 SHARE = Range("a number within [0, 1]", 0.0, 1.0)
 
 
@@ -58,4 +62,17 @@ def check_fields(config: object, allowed: Range, *names: str) -> None:
     for name in names:
         value = getattr(config, name)
         if value not in allowed:
-            raise InputError(f"{type(config).__name__}.{name}", allowed.expected, str(value))
+            raise InputError(f"{type(config).__name__}.{name}", allowed.expected, shown(value))
+
+
+def are_numbers(values: object, count: int | None = None) -> bool:
+    """Whether it is a sequence of finite numbers, so many if a count is given."""
+    if not isinstance(values, Iterable):
+        return False
+    numbers = list(values)
+    return count in (None, len(numbers)) and all(number in FINITE for number in numbers)
+
+
+def shown(value: object) -> str:
+    """A value as an error shows it; of what is no number, such as the text "1.5", also its kind."""
+    return str(value) if isinstance(value, Real) else reprlib.repr(value)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Segments
-from albot_core.ranges import FINITE, Range
+from albot_core.ranges import FINITE, Range, are_numbers, shown
 from albot_maps.freespace import FreeSpace, wall_lines
 
 Point = tuple[float, float]
@@ -28,7 +28,8 @@ SMALLEST_SIDE = 0.3
 SHORTEST_LEG = 0.1
 """Shortest leg of a walker's route (m)."""
 _SMALLEST_OPENING = 0.1
-_OPENING = Range("an angle from -pi to pi rad", -math.pi, math.pi)
+"""Smallest angle (rad) by which a leaf opens."""
+_OPENING = Range("an angle from 0.1 to pi rad, or from -pi to -0.1 rad", -math.pi, math.pi)
 _ARC = math.radians(5)
 """Largest angle (rad) of a chord with which a leaf's arc is approximated."""
 
@@ -59,13 +60,12 @@ class Door:
     """Range of the time that it stays shut (s), drawn each time."""
 
     def __post_init__(self) -> None:
-        _check_finite("Door", "hinge", self.hinge)
-        _check_finite("Door", "heading", (self.heading,))
+        _check_point("Door", "hinge", self.hinge)
+        _check_heading("Door", self.heading)
         _check_range("Door", "width", self.width, NARROWEST_LEAF, WIDEST_LEAF, "m")
         _check_range("Door", "turn_rate", self.turn_rate, 0.1, 3.0, "rad/s")
         if self.opening not in _OPENING or abs(self.opening) < _SMALLEST_OPENING:
-            expected = "an angle from 0.1 to pi rad, or from -pi to -0.1 rad"
-            raise InputError("Door", expected, str(self.opening), place="opening")
+            raise InputError("Door", _OPENING.expected, shown(self.opening), place="opening")
         for name in ("open_for", "shut_for"):
             _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")
 
@@ -98,8 +98,8 @@ class Box:
     """Mass (kg); the robot's tyres push about 20 kg at most."""
 
     def __post_init__(self) -> None:
-        _check_finite("Box", "at", self.at)
-        _check_finite("Box", "heading", (self.heading,))
+        _check_point("Box", "at", self.at)
+        _check_heading("Box", self.heading)
         for name in ("length", "width"):
             _check_range("Box", name, getattr(self, name), SMALLEST_SIDE, 3.0, "m")
         _check_range("Box", "mass", self.mass, 0.5, 1000.0, "kg")
@@ -140,7 +140,8 @@ class Walker:
         if len(self.route) < (3 if self.closed else 2):
             expected = "3 waypoints or more" if self.closed else "2 waypoints or more"
             raise InputError("Walker", expected, str(len(self.route)), place="route")
-        _check_finite("Walker", "route", [value for point in self.route for value in point])
+        for point in self.route:
+            _check_point("Walker", "route", point)
         _check_range("Walker", "radius", self.radius, 0.15, 0.5, "m")
         _check_span("Walker", "speed", self.speed, 0.1, 2.0, "m/s")
         shortest = float(np.hypot(*(self.legs[:, 2:] - self.legs[:, :2]).T).min())
@@ -182,23 +183,26 @@ class Movables:
         return tuple([door.sweep for door in self.doors] + [box.outline for box in self.boxes])
 
 
-def _check_finite(kind: str, name: str, numbers: Iterable[object]) -> None:
-    for number in numbers:
-        if number not in FINITE:
-            raise InputError(kind, "finite numbers", str(number), place=name)
+def _check_point(kind: str, name: str, point: object) -> None:
+    if not are_numbers(point, 2):
+        raise InputError(kind, "two finite numbers, x and y (m)", str(point), place=name)
+
+
+def _check_heading(kind: str, heading: object) -> None:
+    if heading not in FINITE:
+        raise InputError(kind, FINITE.expected, shown(heading), place="heading")
 
 
 def _check_range(kind: str, name: str, value: object, least: float, most: float, unit: str) -> None:
-    if value not in Range("", least, most):
-        expected = f"a number from {least:g} to {most:g} ({unit})"
-        raise InputError(kind, expected, str(value), place=name)
+    allowed = Range(f"a number from {least:g} to {most:g} ({unit})", least, most)
+    if value not in allowed:
+        raise InputError(kind, allowed.expected, shown(value), place=name)
 
 
-def _check_span(kind: str, name: str, span: Span, least: float, most: float, unit: str) -> None:
-    allowed = Range("", least, most)
-    if len(span) != 2 or any(number not in allowed for number in span) or span[0] > span[1]:
+def _check_span(kind: str, name: str, span: Any, least: float, most: float, unit: str) -> None:
+    if not are_numbers(span, 2) or not least <= span[0] <= span[1] <= most:
         expected = f"two numbers from {least:g} to {most:g} ({unit}), the smaller first"
-        raise InputError(kind, expected, ", ".join(map(str, span)), place=name)
+        raise InputError(kind, expected, str(span), place=name)
 
 
 TOLERANCE = 0.01

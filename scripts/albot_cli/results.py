@@ -82,7 +82,7 @@ def command(
         raise InputError("--plan-seeds", "--plans, the floor plans that they are for", "none")
     if plans is not None and not any(plans.glob("*.xml")):
         raise InputError("--plans", "a folder of floor plans in XML", str(plans))
-    plan_seeds = plan_seeds or "2000..2002"
+    plan_seeds = "2000..2002" if plan_seeds is None else plan_seeds
     if out.suffix != ".md":
         raise InputError("--out", "a name that ends in .md", str(out))
     figures = out.with_suffix(".json")

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SHARE,
+    Range,
+    are_numbers,
+    check_fields,
+)
 
 TINY = math.nextafter(0.0, 1.0)
 
@@ -41,6 +49,23 @@ def test_infinity_is_in_a_range_only_where_it_says_so() -> None:
     allowed = Range("a number from 0, or infinity", 0.0, infinite=True)
     assert all(value in allowed for value in (0, 1e300, math.inf))
     assert not any(value in allowed for value in (-math.inf, math.nan, -1, True, None, "inf"))
+
+
+def test_what_is_no_number_is_shown_as_what_it_is() -> None:
+    with pytest.raises(InputError, match=r"first: expected a positive number, found '1\.5'$"):
+        check_fields(Settings(first="1.5"), POSITIVE, "first")
+    with pytest.raises(
+        InputError, match=r"first: expected a positive number, found array\(1\.5\)$"
+    ):
+        check_fields(Settings(first=np.array(1.5)), POSITIVE, "first")
+
+
+def test_numbers_side_by_side_are_counted() -> None:
+    assert are_numbers((1, 2.0), 2)
+    assert are_numbers([np.float64(1)])
+    assert are_numbers(np.zeros(3), 3)
+    for values in (1.0, None, "12", (1.0,), (1.0, math.nan), (1.0, "2"), ((1.0, 2.0),)):
+        assert not are_numbers(values, 2)
 
 
 def test_the_first_wrong_field_is_named() -> None:

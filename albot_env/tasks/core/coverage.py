@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt64
 
 from albot_core.geometry.pose_kernels import angles_from_pseudo
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_TWO, POSITIVE, check_fields
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage_kernels import (
     CoverageGrid,
@@ -19,9 +19,6 @@ from albot_maps import World
 
 _PARTS = 2048
 """Number of parts of the full turn in the table that maps directions to beams."""
-
-
-_FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +40,7 @@ class CoverageConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius", "cell", "patch_cell", "spacing", "turn")
-        check_fields(self, _FROM_TWO, "patch_cells")
+        check_fields(self, FROM_TWO, "patch_cells")
 
     def side(self, extent: float) -> int:
         """Return the cells along each side of a square that reaches `extent` (m) from its centre.

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError, did_you_mean
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation_kernels import Layout, Scales
@@ -47,9 +47,6 @@ HOMING_PARTS = tuple(
 """Parts observed in homing: the same without `time_left` and `frontier`."""
 DEFAULT_PARTS = tuple(part for part in HOMING_PARTS if part not in ("confidence", "exit", "way"))
 """Parts observed in other tasks: without the way home, which takes time to compute."""
-
-
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +127,7 @@ class ObservationConfig:
         check_fields(self, POSITIVE, "time_range")
         self._check_parts()
         if self.laser_sectors is not None:
-            allowed = _FROM_ONE
+            allowed = FROM_ONE
             if self.laser is not None:
                 expected = f"a whole number from 1 to the laser's {self.laser.beams} beams"
                 allowed = Range(expected, 1.0, float(self.laser.beams), whole=True)

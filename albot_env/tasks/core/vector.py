@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.ranges import Range
+from albot_core.ranges import FROM_ONE
 from albot_env.tasks.core.interface import (
     CLOSED,
     METADATA,
@@ -43,7 +43,6 @@ Steps = tuple[
     dict[str, Any],
 ]
 _NOBODY: Int64[np.ndarray, "none"] = np.zeros(0, np.int64)
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
@@ -92,8 +91,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         check_settings(settings, self.settings(), environment)
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
             unlimited = name == "max_episode_steps" and number is None
-            if isinstance(number, bool) or not (unlimited or number in _FROM_ONE):
-                raise InputError("make_vec", _FROM_ONE.expected, str(number), place=name)
+            if isinstance(number, bool) or not (unlimited or number in FROM_ONE):
+                raise InputError("make_vec", FROM_ONE.expected, str(number), place=name)
         self._interface = interface = TaskInterface(
             self.task, num_envs, threads=threads, **settings
         )

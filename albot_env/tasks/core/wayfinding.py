@@ -18,7 +18,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
     clear_occupancy,
 )
 
-_WORTH = Range("a number from 1", 1.0)
+_WORTH = Range("a number from 1, or infinity", 1.0, infinite=True)
 _EVERY = Range("a whole number from 1", 1.0, whole=True)
 
 

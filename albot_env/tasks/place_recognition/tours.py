@@ -20,7 +20,7 @@ from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
-from albot_core.ranges import SHARE, Range, check_fields
+from albot_core.ranges import FROM_TWO, SHARE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, follow_leg
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
@@ -227,9 +227,6 @@ _DRAWN = 32
 """Number of points drawn at a time until one is free."""
 
 
-_FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
-
-
 @dataclass(frozen=True, kw_only=True)
 class TourConfig:
     """Length and destinations of a tour."""
@@ -242,7 +239,7 @@ class TourConfig:
     """Names of the rooms to stop in, in order; empty to draw rooms."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _FROM_TWO, "arrivals")
+        check_fields(self, FROM_TWO, "arrivals")
         check_fields(self, SHARE, "revisits")
 
     @property

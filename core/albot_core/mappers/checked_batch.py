@@ -114,6 +114,9 @@ class CheckedMappers:
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Restore a row's mapper from what `state` returned."""
+        if _READINGS not in state:
+            expected, found = f"an array {_READINGS}", ", ".join(state) or "none"
+            raise InputError(f"mapper {self.spec.name}, batch", expected, found, place="restore")
         own = {name: array for name, array in state.items() if name != _READINGS}
         self._mappers.restore(row, own)
         self._readings[row] = state[_READINGS]
@@ -128,7 +131,8 @@ class CheckedMappers:
     def _check(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Check that the arrays are those of the beginning, and the poses of some rows finite."""
         for name, kept in self._kept.items():
-            if getattr(self._mappers, name) is not kept:
+            now = getattr(self._mappers, name)
+            if now is not kept and not _is_same_memory(now, kept):
                 expected = "always the same array, whose numbers change"
                 raise InputError(f"mapper {self.spec.name}, batch", expected, "another", place=name)
         for name in ("poses", "homes"):
@@ -143,3 +147,11 @@ class CheckedMappers:
         expected: str,
     ) -> None:
         check_rows(self._kept[name], name, rows, right, expected, self.spec, self._readings)
+
+
+def _is_same_memory(now: object, kept: np.ndarray) -> bool:
+    """Whether an array is the kept one or another view of all its numbers."""
+    if not isinstance(now, np.ndarray):
+        return False
+    same_kind = now.dtype == kept.dtype and now.shape == kept.shape
+    return same_kind and now.strides == kept.strides and now.ctypes.data == kept.ctypes.data

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import TRAVEL, Estimate, MapperSpec
+from albot_core.ranges import COUNT, FINITE
 
 _POSE = 3
 """Numbers of a pose: x, y, heading."""
@@ -37,11 +38,10 @@ def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
             expected = "an array of 3 finite numbers, (x, y, heading)"
             raise _error(spec, reading, f"estimate.{name}", expected, pose)
     matched = estimate.matched_reading
-    if matched is not None and not (
-        isinstance(matched, int | np.integer) and 0 <= matched <= reading
-    ):
+    if matched is not None and (matched not in COUNT or matched > reading):
         expected = "the number of an earlier reading, or None"
-        raise _error(spec, reading, "estimate.matched_reading", expected, np.asarray(matched))
+        found = np.asarray(matched) if matched in FINITE else matched
+        raise _error(spec, reading, "estimate.matched_reading", expected, found)
 
 
 def check_way_home(way: object, spec: MapperSpec, reading: int) -> None:

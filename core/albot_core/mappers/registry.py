@@ -15,7 +15,7 @@ from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
 from albot_core.maps.layers import LAYERS
 from albot_core.plain_data import Location, read_config
-from albot_core.ranges import Range
+from albot_core.ranges import FROM_ONE
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
@@ -29,7 +29,6 @@ _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IE
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
 _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 _MEMBERS = {
     kind.__name__: tuple(name for name in vars(kind) if not name.startswith("_"))
     for kind in (Mapper, MapperBatch)
@@ -296,8 +295,8 @@ def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
             is not as `MapperBatch` says.
     """
     spec = mapper_spec(name)
-    if count not in _FROM_ONE:
-        raise InputError("make_mappers, count", _FROM_ONE.expected, str(count))
+    if count not in FROM_ONE:
+        raise InputError("make_mappers, count", FROM_ONE.expected, str(count))
     config = mapper_config(spec, config)
     if spec.batch is None:
         return LoopedMappers([make_mapper(name, config=config) for _ in range(count)])

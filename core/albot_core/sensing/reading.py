@@ -12,7 +12,7 @@ from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
-from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, Range, check_fields
+from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, Range, are_numbers, check_fields
 
 Sensor = Literal["laser", "sonar", "scene"]
 """The sensors that a reading can hold besides odometry."""
@@ -52,7 +52,7 @@ class LaserGeometry:
     def __post_init__(self) -> None:
         check_fields(self, _BEAMS, "beams")
         check_fields(self, FINITE, "first_bearing")
-        if len(self.mount) != 3 or any(number not in FINITE for number in self.mount):
+        if not are_numbers(self.mount, 3):
             expected = "three finite numbers x, y (m), heading (rad)"
             raise InputError("LaserGeometry.mount", expected, str(self.mount))
         check_fields(self, _SPACING, "spacing")
@@ -124,12 +124,11 @@ class SonarGeometry:
     """Maximum range (m); ranges at or above it mean no return."""
 
     def __post_init__(self) -> None:
-        if not self.bearings or any(bearing not in FINITE for bearing in self.bearings):
+        if not self.bearings or not are_numbers(self.bearings):
             expected = "one finite bearing (rad) or more"
             raise InputError("SonarGeometry.bearings", expected, str(self.bearings))
-        numbers = [number for place in self.places for number in place]
         known = len(self.places) == len(self.bearings)
-        if not known or any(number not in FINITE for number in numbers):
+        if not known or not all(are_numbers(place, 2) for place in self.places):
             expected = f"{len(self.bearings)} finite pairs x, y (m), one per bearing"
             raise InputError("SonarGeometry.places", expected, str(self.places))
         check_fields(self, _CONE, "cone")

@@ -14,13 +14,12 @@ from jaxtyping import Bool, Float64, Int8
 
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_TWO, NOT_NEGATIVE, POSITIVE, check_fields
 from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.line_fit import fit_line
 from albot_core.sensing.reading import LaserScan
 from albot_core.sensing.segmentation import scan_points, segment_points, set_gaps
 
-_FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
 """Types of a surface's ends: not stable, an occluding point, or a corner point."""
 
@@ -69,7 +68,7 @@ class ViewConfig:
         lengths = "max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"
         check_fields(self, POSITIVE, *lengths)
         check_fields(self, NOT_NEGATIVE, "min_incidence", "bend_significance")
-        check_fields(self, _FROM_TWO, "surface_points")
+        check_fields(self, FROM_TWO, "surface_points")
 
     @property
     def thresholds(self) -> Float64[np.ndarray, "7"]:

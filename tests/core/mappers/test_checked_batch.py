@@ -102,6 +102,27 @@ def test_arrays_stay_the_same(outside: type[OutsideBatch], monkeypatch: pytest.M
         follow(batch)
 
 
+def test_another_view_of_the_same_numbers_is_the_same_array(
+    outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outside, "after", lambda self: setattr(self, "homes", self.homes[:]))
+    batch = make_mappers("odd", COUNT)
+    follow(batch, count=3)
+    assert batch.poses[:, 0] == pytest.approx([0.2] * COUNT)
+
+
+def test_the_state_of_a_bare_batch_is_refused_and_changes_nothing(
+    outside: type[OutsideBatch],
+) -> None:
+    batch = make_mappers("odd", COUNT)
+    assert isinstance(batch, CheckedMappers)
+    early = batch._mappers.state(0)
+    follow(batch)
+    with pytest.raises(InputError, match=r"^mapper odd, batch, restore: expected an array checked"):
+        batch.restore(0, early)
+    assert batch.poses[0].tolist() == batch.poses[1].tolist()
+
+
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [

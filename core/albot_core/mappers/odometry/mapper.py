@@ -19,11 +19,9 @@ from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
-from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
-
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +39,7 @@ class OdometryConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "step", "turn")
-        check_fields(self, _FROM_ONE, "capacity")
+        check_fields(self, FROM_ONE, "capacity")
 
 
 _SHAPES: dict[str, Shape] = {

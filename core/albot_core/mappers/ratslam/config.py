@@ -7,11 +7,18 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from albot_core.errors import InputError
-from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import (
+    COUNT,
+    FROM_ONE,
+    FROM_TWO,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SHARE,
+    Range,
+    check_fields,
+)
 
 _SIDE = Range("a whole number from 16", 16.0, 4096.0, whole=True)
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
-_FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 _BINS = Range("a whole number from 8 to 180", 8.0, 180.0, whole=True)
 _AT_LEAST_ONE = Range("a number from 1", 1.0)
 _DECAY = Range("a number within [0, 1)", 0.0, math.nextafter(1.0, 0.0))
@@ -84,7 +91,7 @@ class LocalViewConfig:
     """Pose cells with at least this share of the highest activity are linked to a view."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _FROM_ONE, "confirmations", "forget_after")
+        check_fields(self, FROM_ONE, "confirmations", "forget_after")
         check_fields(self, POSITIVE, "learning_rate")
         check_fields(self, NOT_NEGATIVE, "injection", "learning_delay")
         check_fields(self, _DECAY, "fatigue")
@@ -155,8 +162,8 @@ class PanoramaConfig:
             "drift",
             "turn_drift",
         )
-        check_fields(self, _FROM_TWO, "scans")
-        check_fields(self, _FROM_ONE, "candidates")
+        check_fields(self, FROM_TWO, "scans")
+        check_fields(self, FROM_ONE, "candidates")
         check_fields(self, _AT_LEAST_ONE, "candidate_ratio")
         check_fields(self, SHARE, "overlap", "min_score", "min_alignment_score")
         check_fields(self, _BINS, "bins")

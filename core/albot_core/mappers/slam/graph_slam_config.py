@@ -9,9 +9,7 @@ from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.likelihood_field import FieldConfig
 from albot_core.mappers.slam.local_map import MatchingConfig
 from albot_core.mappers.slam.way_home import WayHomeConfig
-from albot_core.ranges import POSITIVE, SHARE, Range, check_fields
-
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+from albot_core.ranges import FROM_ONE, POSITIVE, SHARE, check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +51,7 @@ class ClosureConfig:
             self, POSITIVE, "near", "deviations", "least_reach", "most_reach", "least_turn",
             "most_turn", "same_place",
         )  # fmt: skip
-        check_fields(self, _FROM_ONE, "behind", "chain", "together", "tries")
+        check_fields(self, FROM_ONE, "behind", "chain", "together", "tries")
         check_fields(self, SHARE, "response", "wide_response")
 
 
@@ -91,5 +89,5 @@ class GraphSlamConfig:
         check_fields(
             self, POSITIVE, "cauchy", "dcs", "floor", "turn_floor", "surprise", "longest_step"
         )
-        check_fields(self, _FROM_ONE, "most_waiting")
+        check_fields(self, FROM_ONE, "most_waiting")
         check_fields(self, SHARE, "waiting_share")

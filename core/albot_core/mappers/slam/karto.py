@@ -30,11 +30,10 @@ from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, check_fields
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
 _log = logging.getLogger(__name__)
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +71,7 @@ class KartoConfig:
             "range_threshold", "longest_step",
         )  # fmt: skip
         check_fields(self, NOT_NEGATIVE, "minimum_travel_distance", "minimum_travel_heading")
-        check_fields(self, _FROM_ONE, "scan_buffer_len", "loop_search_min_chain_size")
+        check_fields(self, FROM_ONE, "scan_buffer_len", "loop_search_min_chain_size")
 
 
 class Karto:

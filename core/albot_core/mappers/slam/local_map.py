@@ -24,10 +24,9 @@ from albot_core.mappers.slam.likelihood_field import FieldConfig, LikelihoodFiel
 from albot_core.mappers.slam.points import matched_points, surface_points
 from albot_core.mappers.slam.refinement import refine
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
 
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 _AT_LEAST_ONE = Range("a number from 1", 1.0)
 
 
@@ -86,7 +85,7 @@ class MatchingConfig:
         )  # fmt: skip
         check_fields(self, NOT_NEGATIVE, "spacing", "step", "turn")
         check_fields(self, SHARE, "memory", "sure", "poor", "gain")
-        check_fields(self, _FROM_ONE, "scans", "more")
+        check_fields(self, FROM_ONE, "scans", "more")
         check_fields(self, _AT_LEAST_ONE, "correlated")
         if self.wide_turn > math.pi:
             raise InputError("MatchingConfig.wide_turn", "at most pi", f"{self.wide_turn:g}")

@@ -51,8 +51,8 @@ GUESS_NEARLY = 0.5
 """Without an odometer, where the translation has to be found as well, a motion is nearly as likely
 as another with a score no more than this below it."""
 SHIFT_COST = 0.1
-"""What a translation costs by which the odometer is off by its scale is log 2 times this, in shares
-of agreeing directions (as for a turn, see `turn_cost`). Without an odometer one that differs by 1 m
+"""Where the odometer is off by its scale, the translation costs log 2 times this, in shares of
+agreeing directions (as for a turn, see `turn_cost`). Without an odometer one that differs by 1 m
 from the last translation costs so much: along a corridor the views cannot tell it."""
 
 _trial, _of_one = scratch(3), scratch(TURNS)
