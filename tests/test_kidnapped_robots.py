@@ -59,7 +59,7 @@ def test_albot1_notices():
 
 
 def test_readings_after_the_move_are_as_many_as_asked():
-    few = measure("random:office:SEED?rooms=8", range(7000, 7001), "albot1", 5)
+    few = measure("random:office:SEED?rooms=8", range(7001, 7002), "albot1", 5)
     assert few["readings_after"] == 5
     assert few["runs"][0]["lost"]
-    assert not measure("random:office:SEED?rooms=8", range(7000, 7001), "albot1")["runs"][0]["lost"]
+    assert not measure("random:office:SEED?rooms=8", range(7001, 7002), "albot1")["runs"][0]["lost"]

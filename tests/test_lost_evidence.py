@@ -23,7 +23,7 @@ def test_the_weights_of_made_up_examples_are_found():
 
 
 def test_robots_that_are_lost_are_examples():
-    examples = gather(("random:office:SEED?rooms=8",), range(7000, 7001), 1)
+    examples = gather(("random:office:SEED?rooms=8",), range(7001, 7002), 1)
     assert examples.count.sum() == pytest.approx(1.0)
     assert 0 < examples.right.any(axis=1).sum() <= len(examples.right)
     assert not examples.right[np.isnan(examples.features[..., 0])].any()
