@@ -19,6 +19,10 @@ from albot_core.errors import InputError
 if TYPE_CHECKING:
     from albot_agents.evaluation.comparison import Figures, PairedTrials
 
+_PLAN_SEEDS = "2000..2002"
+"""Seeds in each floor plan where none are given. Not click's default: given without plans, seeds
+are refused."""
+
 
 @click.command()
 @click.option(
@@ -49,7 +53,7 @@ if TYPE_CHECKING:
 @click.option(
     "--plan-seeds",
     metavar="A..B",
-    help="Seeds of the episodes in each floor plan.  [default: 2000..2002]",
+    help=f"Seeds of the episodes in each floor plan.  [default: {_PLAN_SEEDS}]",
 )
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
@@ -82,7 +86,7 @@ def command(
         raise InputError("--plan-seeds", "--plans, the floor plans that they are for", "none")
     if plans is not None and not any(plans.glob("*.xml")):
         raise InputError("--plans", "a folder of floor plans in XML", str(plans))
-    plan_seeds = "2000..2002" if plan_seeds is None else plan_seeds
+    plan_seeds = _PLAN_SEEDS if plan_seeds is None else plan_seeds
     if out.suffix != ".md":
         raise InputError("--out", "a name that ends in .md", str(out))
     figures = out.with_suffix(".json")

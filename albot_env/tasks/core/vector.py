@@ -91,7 +91,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         check_settings(settings, self.settings(), environment)
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
             unlimited = name == "max_episode_steps" and number is None
-            if isinstance(number, bool) or not (unlimited or number in FROM_ONE):
+            if not unlimited and number not in FROM_ONE:
                 raise InputError("make_vec", FROM_ONE.expected, str(number), place=name)
         self._interface = interface = TaskInterface(
             self.task, num_envs, threads=threads, **settings

@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyGrids,
@@ -19,7 +19,6 @@ from albot_env.tasks.core.wayfinding_kernels import (
 )
 
 _WORTH = Range("a number from 1, or infinity", 1.0, infinite=True)
-_EVERY = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +59,7 @@ class WayfindingConfig:
         sizes = "cell", "reach", "radius", "wide", "margin", "first", "last", "ahead"
         check_fields(self, POSITIVE, *sizes)
         check_fields(self, _WORTH, "worth")
-        check_fields(self, _EVERY, "every")
+        check_fields(self, FROM_ONE, "every")
         self._check("wide", self.radius)
         self._check("margin", self.wide + self.cell)
         self._check("first", self.wide + self.cell)

@@ -18,10 +18,8 @@ from albot_core.maps.layers import (
     ParticlesLayer,
     TrajectoryLayer,
 )
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, check_fields
 from albot_core.sensing.reading import Reading
-
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +36,7 @@ class GridConfig:
     """Side of a cell (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _FROM_ONE, "particles", "side")
+        check_fields(self, FROM_ONE, "particles", "side")
         check_fields(self, NOT_NEGATIVE, "noise")
         check_fields(self, POSITIVE, "resolution")
 

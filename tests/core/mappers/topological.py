@@ -14,10 +14,8 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec, register_mapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, POSITIVE, check_fields
 from albot_core.sensing.reading import Reading
-
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +29,7 @@ class TopologicalConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "width")
-        check_fields(self, _FROM_ONE, "apart")
+        check_fields(self, FROM_ONE, "apart")
 
 
 class TopologicalMapper:

@@ -52,8 +52,10 @@ GUESS_NEARLY = 0.5
 as another with a score no more than this below it."""
 SHIFT_COST = 0.1
 """Where the odometer is off by its scale, the translation costs log 2 times this, in shares of
-agreeing directions (as for a turn, see `turn_cost`). Without an odometer one that differs by 1 m
-from the last translation costs so much: along a corridor the views cannot tell it."""
+agreeing directions (as for a turn, see `turn_cost`)."""
+CHANGE_COST = 0.1
+"""Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
+of agreeing directions: along a corridor the views cannot tell it."""
 
 _trial, _of_one = scratch(3), scratch(TURNS)
 
@@ -200,11 +202,11 @@ def shift_cost(
 ) -> float:
     """What a translation costs that differs from that of the odometer's `motion` (see SHIFT_COST).
 
-    Without an odometer it is compared with the last translation.
+    Without an odometer it is compared with the last translation (see CHANGE_COST).
     """
     if odometer[HAS_MOVED] == 0.0:
         dx, dy = moved[0] - odometer[LAST_X], moved[1] - odometer[LAST_Y]
-        return float(SHIFT_COST * (dx * dx + dy * dy))
+        return float(CHANGE_COST * (dx * dx + dy * dy))
     scale = shift_scale(odometer, limits)
     dx, dy = (moved[0] - motion[0]) / scale, (moved[1] - motion[1]) / scale
     return float(SHIFT_COST * np.log1p(dx * dx + dy * dy))

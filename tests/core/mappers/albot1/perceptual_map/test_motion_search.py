@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 from albot_core.geometry.poses import compose, inverse
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.perceptual_map.memory import empty_view
-from albot_core.mappers.albot1.perceptual_map.motion_search import SHIFT_COST, motion_cost
+from albot_core.mappers.albot1.perceptual_map.motion_search import (
+    CHANGE_COST,
+    SHIFT_COST,
+    motion_cost,
+)
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
     LAST_X,
@@ -71,7 +75,7 @@ def test_without_an_odometer_a_translation_costs_by_what_it_departs_from_the_las
     odometer[LAST_X], odometer[LAST_Y] = 0.5, 0.1
     last, twice = np.array((0.5, 0.1, 0.0)), np.array((0.5, 2.1, 0.0))
     assert motion_cost(last, motion, SCALE, odometer, LIMITS) == 0.0
-    assert motion_cost(twice, motion, SCALE, odometer, LIMITS) == pytest.approx(4 * SHIFT_COST)
+    assert motion_cost(twice, motion, SCALE, odometer, LIMITS) == pytest.approx(4 * CHANGE_COST)
 
 
 finite = st.floats(-0.4, 0.4)
