@@ -19,8 +19,8 @@ from albot_core.mappers.estimate_check import check_estimate
 from albot_core.mappers.mapper import AttractorNetwork, Mapper, PlaceMemory
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
+from albot_core.matching.line_matching import MatchConfig, match_lines
 from albot_core.matching.line_merging import merge_lines
-from albot_core.matching.lines import MatchConfig, match_lines
 from albot_core.matching.panorama import Panorama, match_panoramas
 from albot_core.matching.submaps import longest_lines
 from albot_core.sensing.reading import Reading

@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float64
 from albot_core.files import atomic_write
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
-from albot_core.matching.lines import MatchConfig
+from albot_core.matching.line_matching import MatchConfig
 from albot_core.matching.submaps import local_submaps, match_submaps
 from albot_core.sensing.reading import Reading
 

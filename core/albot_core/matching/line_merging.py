@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.kernels.compiled import kernel
-from albot_core.matching.lines import MatchConfig, MatchLimits, beside, describe_all, wrap
+from albot_core.matching.line_matching import MatchConfig, MatchLimits
+from albot_core.matching.lines import beside, describe_all, wrap
 
 REPLACED_FROM = 0.8
 """A new line replaces a remembered one if it has at least this share of its length."""

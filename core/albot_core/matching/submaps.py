@@ -10,8 +10,8 @@ from jaxtyping import Float64, UInt8
 
 from albot_core.geometry.poses import inverse, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
+from albot_core.matching.line_matching import MatchConfig, line_rows
 from albot_core.matching.line_merging import merge_lines
-from albot_core.matching.lines import MatchConfig, line_rows
 from albot_core.matching.submap_kernels import CELLS, MIDDLE, mark_free, mark_walls, match_grids
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.geometry.poses import inverse, transform_points, transform_segments
-from albot_core.matching.lines import MatchConfig, line_rows
+from albot_core.matching.line_matching import MatchConfig, line_rows
 from albot_core.matching.submap_kernels import CELLS, mark_free, mark_walls
 from albot_core.matching.submaps import LocalSubmap, match_submaps
 

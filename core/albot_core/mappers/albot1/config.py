@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.matching.lines import MatchConfig
+from albot_core.matching.line_matching import MatchConfig
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.view import ViewConfig
 

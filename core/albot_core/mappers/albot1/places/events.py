@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.matching.lines import LineMatch
+from albot_core.matching.line_matching import LineMatch
 
 
 class EventKind(IntEnum):

@@ -26,7 +26,7 @@ from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.mappers.albot1.places.exits import ASLANT, WALL, crosses_line
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import DEVIATIONS, LearnedPlace, Lines
-from albot_core.matching.lines import LineMatch
+from albot_core.matching.line_matching import LineMatch
 
 PRIOR = -2.98
 """Log odds of a candidate that has nothing for it."""

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose
-from albot_core.matching.lines import LineMatch
+from albot_core.matching.line_matching import LineMatch
 
 PRIOR = -3.20
 """Log odds of a hypothesis that has nothing for it, to unknown ground."""

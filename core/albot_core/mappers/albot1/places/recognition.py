@@ -16,7 +16,7 @@ from albot_core.mappers.albot1.places.evidence import Evidence, weigh
 from albot_core.mappers.albot1.places.merging import merge_here
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace, Lines
-from albot_core.matching.lines import LineMatch, match_lines
+from albot_core.matching.line_matching import LineMatch, match_lines
 
 DOORSTEP = 5.0
 """A robot no farther from where it entered a place has just come in (m)."""

@@ -24,7 +24,13 @@ from albot_core.mappers.albot1.places.merging import merge_here
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace
 from albot_core.mappers.albot1.places.recognition import has_structure
-from albot_core.matching.lines import ALIKE, LineMatch, is_near, match_everywhere, match_lines
+from albot_core.matching.line_matching import (
+    ALIKE,
+    LineMatch,
+    is_near,
+    match_everywhere,
+    match_lines,
+)
 
 MATCHES = 5
 """So many alignments with each place are looked at."""

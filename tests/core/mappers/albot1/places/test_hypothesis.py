@@ -15,7 +15,7 @@ from albot_core.mappers.albot1.places.hypothesis import (
     Hypothesis,
     weighed,
 )
-from albot_core.matching.lines import LineMatch
+from albot_core.matching.line_matching import LineMatch
 
 
 def hypothesis(

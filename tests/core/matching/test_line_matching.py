@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, inverse, transform_segments, wrap_angle
-from albot_core.matching import lines
-from albot_core.matching.line_merging import merge_lines
-from albot_core.matching.lines import (
+from albot_core.matching import line_matching
+from albot_core.matching.line_matching import (
     MAX_LINES,
     MatchConfig,
     _pair,
@@ -20,6 +19,7 @@ from albot_core.matching.lines import (
     match_everywhere,
     match_lines,
 )
+from albot_core.matching.line_merging import merge_lines
 
 ANYWHERE = MatchConfig(max_shift=np.inf, max_turn=np.pi)
 NOWHERE = np.zeros(3)
@@ -216,8 +216,12 @@ def test_all_spots_at_which_a_place_may_be_are_found_the_best_first():
 def test_a_better_pose_stands_for_all_that_are_alike():
     best = np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [9.0, 9.0, 0.0]])
     most, robot = np.array([3, 4, 1]), np.zeros(3)
-    assert not lines._keep(np.array([0.7, 0.0, 0.0]), 4, robot, lines.ALIKE, best, most)
-    assert lines._keep(np.array([0.7, 0.0, 0.0]), 5, robot, lines.ALIKE, best, most)
+    assert not line_matching._keep(
+        np.array([0.7, 0.0, 0.0]), 4, robot, line_matching.ALIKE, best, most
+    )
+    assert line_matching._keep(np.array([0.7, 0.0, 0.0]), 5, robot, line_matching.ALIKE, best, most)
     assert sorted(most.tolist()) == [0, 1, 5]
-    assert lines._keep(np.array([-9.0, 0.0, 0.0]), 2, robot, lines.ALIKE, best, most)
+    assert line_matching._keep(
+        np.array([-9.0, 0.0, 0.0]), 2, robot, line_matching.ALIKE, best, most
+    )
     assert sorted(most.tolist()) == [1, 2, 5]
