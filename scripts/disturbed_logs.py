@@ -21,6 +21,7 @@ from albot_cli.main import exit_status
 from albot_cli.map_report import run_mapper
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
+from albot_core.evaluation.intervals import bootstrap_ratio
 from albot_core.evaluation.trajectory import Trajectory, trajectory_error
 from albot_core.files import make_folder, write_text
 from albot_core.logs.disturbed import DISTURBANCES, disturbed
@@ -80,18 +81,22 @@ def measure(log: Log, truth: Trajectory, mapper: str, runs: int) -> list[dict[st
 def table(measured: dict[str, Any]) -> str:
     """The figures as a table in Markdown."""
     lines = [
-        "| log | disturbance | ATE, median | least-largest | by the undisturbed | odometer "
+        "| log | disturbance | ATE, median | least-largest | by that of `noise` | odometer "
         "| worse than it |",
         "|---|---|---:|---:|---:|---:|---:|",
     ]
     for name, found in measured["logs"].items():
-        base = np.median(found["rows"][0]["ate_m"])
+        base = np.array(found["rows"][0]["ate_m"])
         for row in found["rows"]:
             errors, odometers = np.array(row["ate_m"]), np.array(row["odometer_ate_m"])
             worse = int((errors > odometers + SAME).sum())
+            ratio = f"{np.median(errors) / np.median(base):.2f}"
+            if row["ate_m"] != found["rows"][0]["ate_m"]:
+                low, high = bootstrap_ratio(errors, base, np.median, np.random.default_rng(0))
+                ratio += f" ({low:.2f}-{high:.2f})"
             lines.append(
                 f"| {name} | {row['disturbance']} | {np.median(errors):.2f} m "
-                f"| {errors.min():.2f}-{errors.max():.2f} m | {np.median(errors) / base:.2f} "
+                f"| {errors.min():.2f}-{errors.max():.2f} m | {ratio} "
                 f"| {np.median(odometers):.2f} m | {worse} of {len(errors)} |"
             )
     return "\n".join(lines) + "\n"
@@ -112,7 +117,8 @@ def page(measured: dict[str, Any], command: str) -> str:
         "turns are off by up to 25°, lengths by up to a tenth. `beams`: every second beam. "
         "`views`: every third reading is left out. `range`: the laser sees 8 m. `fine`: a beam "
         "between any two, and turns off by up to 24°. `frozen`: the odometer reports no motion. "
-        "`all`: turns, lengths, beams, views and range together.\n\n"
+        "`all`: turns, lengths, beams, views and range together. Beside each ratio of medians "
+        "stands its 95 % interval (bootstrap).\n\n"
         f"Values of `albot1` and `association` were set on {', '.join(DEVELOPED_ON)}; the errors "
         "on the other logs, which are for the test, were watched meanwhile. Wean Hall's and "
         "Duke's logs have no reference: the error is that against the path that `graph-slam` makes "

@@ -42,8 +42,34 @@ def bootstrap(
     Raises:
         InputError: There are no values.
     """
+    return _percentiles(_resampled(values, measure, rng))
+
+
+def bootstrap_ratio(
+    values: Float64[np.ndarray, "n"],
+    others: Float64[np.ndarray, "m"],
+    measure: Callable[..., np.ndarray],
+    rng: np.random.Generator,
+) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of a statistic of values by that of others.
+
+    The two samples are independent; for source and arguments see `bootstrap`.
+
+    Raises:
+        InputError: There are no values, or no others.
+    """
+    return _percentiles(_resampled(values, measure, rng) / _resampled(others, measure, rng))
+
+
+def _resampled(
+    values: Float64[np.ndarray, "n"], measure: Callable[..., np.ndarray], rng: np.random.Generator
+) -> Float64[np.ndarray, "resamples"]:
     if not len(values):
         raise InputError("bootstrap", "at least one value", "none")
     drawn = values[rng.integers(len(values), size=(_RESAMPLES, len(values)))]
-    low, high = np.quantile(measure(drawn, axis=1), (0.025, 0.975)).tolist()
+    return measure(drawn, axis=1)
+
+
+def _percentiles(resampled: Float64[np.ndarray, "resamples"]) -> tuple[float, float]:
+    low, high = np.quantile(resampled, (0.025, 0.975)).tolist()
     return low, high

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.evaluation.intervals import bootstrap, wilson
+from albot_core.evaluation.intervals import bootstrap, bootstrap_ratio, wilson
 
 
 @pytest.mark.parametrize(
@@ -49,3 +49,18 @@ def test_a_bootstrap_of_nothing_is_refused() -> None:
     assert bootstrap(np.full(5, 0.25), np.median, np.random.default_rng(0)) == (0.25, 0.25)
     with pytest.raises(InputError, match="bootstrap"):
         bootstrap(np.empty(0), np.mean, np.random.default_rng(0))
+
+
+def test_a_bootstrapped_ratio_has_the_width_of_the_normal_one() -> None:
+    rng = np.random.default_rng(1)
+    values, others = rng.normal(6.0, 1.0, 400), rng.normal(3.0, 1.0, 300)
+    low, high = bootstrap_ratio(values, others, np.mean, np.random.default_rng(2))
+    ratio = values.mean() / others.mean()
+    half = 1.96 * ratio * np.hypot(1 / values.mean() / 20, 1 / others.mean() / np.sqrt(300))
+    assert (low, high) == pytest.approx((ratio - half, ratio + half), abs=0.02)
+
+
+@pytest.mark.parametrize(("values", "others"), [(0, 3), (3, 0)])
+def test_a_ratio_to_nothing_is_refused(values: int, others: int) -> None:
+    with pytest.raises(InputError, match="bootstrap"):
+        bootstrap_ratio(np.ones(values), np.ones(others), np.median, np.random.default_rng(0))
