@@ -26,9 +26,16 @@ from albot_core.evaluation.trajectory import (
 )
 from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
-from albot_core.mappers.estimate_check import check_corrected_poses, check_estimate
-from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
+from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper, PlaceMemory
 from albot_core.mappers.registry import make_mapper
+from albot_core.mappers.result_checks import (
+    check_activity,
+    check_corrected_poses,
+    check_estimate,
+    check_events,
+    check_snapshot,
+    check_state,
+)
 from albot_core.maps.outlines import surfaces_of
 
 RECOGNITION = "recognition.png"
@@ -107,7 +114,8 @@ def run_mapper(
         rng: The mapper's random generator (see `make_mapper`).
 
     Raises:
-        InputError: An estimate, or the corrected poses, are not as the mapper's interface says.
+        InputError: What the mapper returns is not as its interface says: an estimate, or at the
+            end its snapshot, its state, its events or its corrected poses.
     """
     mapper = make_mapper(name, config=config, rng=rng)
     spec = mapper.spec
@@ -122,10 +130,16 @@ def run_mapper(
         check_estimate(estimate, spec, number)
         poses[number] = estimate.pose
         if isinstance(mapper, AttractorNetwork):
-            packets[number] = mapper.activity.packet[:2]
+            activity = mapper.activity
+            check_activity(activity, spec, number)
+            packets[number] = activity.packet[:2]
         if number % _TELL_EVERY == 0:
             update(number)
     update(len(log.readings))
+    check_snapshot(mapper.snapshot(), spec, len(log.readings) - 1)
+    check_state(mapper.state(), spec, len(log.readings) - 1)
+    if isinstance(mapper, PlaceMemory):
+        check_events(mapper.events, spec, len(log.readings) - 1)
     corrected = None
     if isinstance(mapper, CorrectedTrajectory):
         poses_at_end = mapper.corrected_poses()

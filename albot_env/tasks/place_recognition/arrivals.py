@@ -15,8 +15,14 @@ from jaxtyping import Float32, Float64
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.estimate_check import check_estimate
 from albot_core.mappers.mapper import AttractorNetwork, Mapper, PlaceMemory
+from albot_core.mappers.result_checks import (
+    check_activity,
+    check_estimate,
+    check_place,
+    check_snapshot,
+    is_from_outside,
+)
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.matching.line_matching import MatchConfig, match_lines
@@ -90,13 +96,22 @@ class PlaceDatabase:
     @property
     def snapshot(self) -> MapSnapshot:
         """The mapper's map."""
-        return EMPTY_MAP if self._mapper is None else self._mapper.snapshot()
+        if self._mapper is None:
+            return EMPTY_MAP
+        snapshot = self._mapper.snapshot()
+        if is_from_outside(self._mapper.spec):
+            check_snapshot(snapshot, self._mapper.spec, self._readings - 1)
+        return snapshot
 
     @property
     def activity(self) -> Activity | None:
         """The activity of the mapper's attractor network; None if it has none."""
         mapper = self._mapper
-        return mapper.activity if isinstance(mapper, AttractorNetwork) else None
+        if mapper is None or not isinstance(mapper, AttractorNetwork):
+            return None
+        activity = mapper.activity
+        check_activity(activity, mapper.spec, self._readings - 1)
+        return activity
 
     def follow(self, reading: Reading) -> None:
         """Process a reading taken on the way."""
@@ -157,8 +172,10 @@ class PlaceDatabase:
         place = 0.0
         memory = self._mapper
         if memory is not None and isinstance(memory, PlaceMemory):
-            is_same = memory.place_at(here.reading) == memory.place_at(there.reading)
-            place = 1.0 if is_same else -1.0
+            places = [memory.place_at(arrival.reading) for arrival in (here, there)]
+            for arrival, id_there in zip((here, there), places, strict=True):
+                check_place(id_there, memory.spec, arrival.reading)
+            place = 1.0 if places[0] == places[1] else -1.0
         numbers = (
             _logarithmic(float(np.hypot(*apart[:2])), 1.0, FARTHEST),
             2 * found.agreed - 1,

@@ -8,8 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
-from albot_core.mappers.estimate_check import check_array, check_rows
 from albot_core.mappers.mapper import TRAVEL, MapperBatch, MapperSpec
+from albot_core.mappers.result_checks import (
+    check_activity,
+    check_array,
+    check_rows,
+    check_snapshot,
+    check_state,
+)
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Readings
@@ -102,15 +108,22 @@ class CheckedMappers:
 
     def snapshot(self, row: int) -> MapSnapshot:
         """Return the map of a row."""
-        return self._mappers.snapshot(row)
+        snapshot = self._mappers.snapshot(row)
+        check_snapshot(snapshot, self.spec, int(self._readings[row]) - 1)
+        return snapshot
 
     def activity(self, row: int) -> Activity | None:
         """Return the activity of a row's attractor network; None if the mappers have none."""
-        return self._mappers.activity(row)
+        activity = self._mappers.activity(row)
+        if activity is not None:
+            check_activity(activity, self.spec, int(self._readings[row]) - 1)
+        return activity
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Return everything that a row's mapper remembers, as arrays by name (copies)."""
-        return self._mappers.state(row) | {_READINGS: np.array(self._readings[row])}
+        state = self._mappers.state(row)
+        check_state(state, self.spec, int(self._readings[row]) - 1)
+        return state | {_READINGS: np.array(self._readings[row])}
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Restore a row's mapper from what `state` returned."""

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Int64
 
-from albot_core.mappers.estimate_check import check_estimate, check_way_home
 from albot_core.mappers.mapper import (
     TRAVEL,
     AttractorNetwork,
@@ -17,6 +16,14 @@ from albot_core.mappers.mapper import (
     PlaceMemory,
     ReturnAware,
     RouteHome,
+)
+from albot_core.mappers.result_checks import (
+    check_activity,
+    check_estimate,
+    check_snapshot,
+    check_state,
+    check_way_home,
+    is_from_outside,
 )
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
@@ -33,13 +40,14 @@ class LoopedMappers:
         mappers: The mappers, one per robot; at least one, all of one kind.
 
     Raises:
-        InputError: An estimate or a way home is not as the protocols say; the methods raise this.
+        InputError: What a mapper returns is not as the protocols say; the methods raise this.
     """
 
     def __init__(self, mappers: Sequence[Mapper]) -> None:
         self._mappers = tuple(mappers)
         count = len(self._mappers)
         self.spec: MapperSpec = self._mappers[0].spec
+        self._from_outside = is_from_outside(self.spec)
         self.recognises_places = isinstance(self._mappers[0], PlaceMemory)
         self._knows_routes = isinstance(self._mappers[0], RouteHome)
         self.poses = np.zeros((count, 3))
@@ -95,16 +103,25 @@ class LoopedMappers:
 
     def snapshot(self, row: int) -> MapSnapshot:
         """Return the map of a row."""
-        return self._mappers[row].snapshot()
+        snapshot = self._mappers[row].snapshot()
+        if self._from_outside:
+            check_snapshot(snapshot, self.spec, self._readings[row] - 1)
+        return snapshot
 
     def activity(self, row: int) -> Activity | None:
         """Return the activity of a row's attractor network; None if the mappers have none."""
         mapper = self._mappers[row]
-        return mapper.activity if isinstance(mapper, AttractorNetwork) else None
+        if not isinstance(mapper, AttractorNetwork):
+            return None
+        activity = mapper.activity
+        check_activity(activity, self.spec, self._readings[row] - 1)
+        return activity
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Return everything that a row's mapper remembers, as arrays by name (copies)."""
-        return self._mappers[row].state() | {
+        state = self._mappers[row].state()
+        check_state(state, self.spec, self._readings[row] - 1)
+        return state | {
             _TRAVEL: np.array(self.ways_home[row, TRAVEL]),
             _READINGS: np.array(self._readings[row]),
         }

@@ -213,7 +213,8 @@ def mapper_spec(name: str) -> MapperSpec:
     if colon:
         try:
             importlib.import_module(module)
-        except ImportError as error:
+        except (ImportError, SyntaxError, TypeError, ValueError) as error:
+            # For an empty or a relative name importlib raises the last two.
             expected = "a module that can be imported before the colon"
             raise InputError("mapper", expected, f"{name!r} ({error})") from None
     spec = MAPPERS.get(last)

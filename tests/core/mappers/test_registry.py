@@ -84,6 +84,14 @@ def test_a_name_may_begin_with_the_module_that_registers_it():
         make_mapper("no_such_module:topological")
 
 
+@pytest.mark.parametrize("module", ["", "..a", ".a", "odd_syntax"])
+def test_a_module_that_cannot_be_imported_is_one_clear_error(module, tmp_path, monkeypatch):
+    (tmp_path / "odd_syntax.py").write_text("def\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"mapper: expected a module that can be imported"):
+        mapper_spec(f"{module}:topological")
+
+
 def test_a_name_is_registered_once():
     register_mapper(MAPPERS["grid"])
     other = MapperSpec(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+from collections.abc import Mapping, Sequence
 from typing import TypeGuard
 
 import numpy as np
@@ -11,6 +12,9 @@ from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import TRAVEL, Estimate, MapperSpec
+from albot_core.maps.activity import Activity
+from albot_core.maps.layer_checks import layer_fault
+from albot_core.maps.layers import LAYERS, MapSnapshot
 from albot_core.ranges import COUNT, FINITE
 
 _POSE = 3
@@ -19,8 +23,13 @@ _WAY_HOME = 7
 """Numbers of a `WayHome`."""
 
 
-def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
-    """Check the poses of an estimate, and the reading that it matches.
+def is_from_outside(spec: MapperSpec) -> bool:
+    """Return whether a mapper is not the project's own; what those return is checked by tests."""
+    return not spec.factory.startswith("albot_core.")
+
+
+def check_estimate(estimate: object, spec: MapperSpec, reading: int) -> None:
+    """Check an estimate.
 
     Args:
         estimate: The estimate.
@@ -29,9 +38,11 @@ def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
             before the first.
 
     Raises:
-        InputError: The pose or home is not an array of three finite numbers, or the matched reading
-            is no earlier one.
+        InputError: It is no `Estimate`, its pose or home is not an array of three finite numbers,
+            the matched reading is no earlier one, or another field is not as `Estimate` says.
     """
+    if not isinstance(estimate, Estimate):
+        raise _error(spec, reading, "estimate", "an Estimate", estimate)
     # Plain Python, because it runs at every reading and numpy is slower for three numbers.
     for name, pose in (("pose", estimate.pose), ("home", estimate.home)):
         if not (_is_array(pose, _POSE) and all(map(math.isfinite, pose.tolist()))):
@@ -42,6 +53,15 @@ def check_estimate(estimate: Estimate, spec: MapperSpec, reading: int) -> None:
         expected = "the number of an earlier reading, or None"
         found = np.asarray(matched) if matched in FINITE else matched
         raise _error(spec, reading, "estimate.matched_reading", expected, found)
+    for name in ("updates", "map_version", "segments"):
+        if getattr(estimate, name) not in COUNT:
+            found = getattr(estimate, name)
+            raise _error(spec, reading, f"estimate.{name}", COUNT.expected, found)
+    if estimate.place is not None and estimate.place not in COUNT:
+        expected = f"{COUNT.expected}, or None"
+        raise _error(spec, reading, "estimate.place", expected, estimate.place)
+    if not isinstance(estimate.localised, bool | np.bool_):
+        raise _error(spec, reading, "estimate.localised", "True or False", estimate.localised)
 
 
 def check_way_home(way: object, spec: MapperSpec, reading: int) -> None:
@@ -69,6 +89,76 @@ def check_corrected_poses(poses: object, spec: MapperSpec, readings: int) -> Non
     ):
         expected = f"an array of finite numbers, of shape {(readings, _POSE)}"
         raise _error(spec, readings - 1, "corrected_poses()", expected, poses)
+
+
+def check_snapshot(snapshot: object, spec: MapperSpec, reading: int) -> None:
+    """Check a `Mapper.snapshot`; further arguments as for `check_estimate`.
+
+    Raises:
+        InputError: It is no `MapSnapshot`, or a layer is not listed in the spec, comes twice, or is
+            not as its type says.
+    """
+    if not isinstance(snapshot, MapSnapshot) or not isinstance(snapshot.layers, tuple):
+        expected = "a MapSnapshot with a tuple of layers"
+        raise _error(spec, reading, "snapshot()", expected, snapshot)
+    allowed = {LAYERS[kind] for kind in spec.layers}
+    for k, layer in enumerate(snapshot.layers):
+        where = f"snapshot().layers[{k}]"
+        if type(layer) not in allowed:
+            expected = f"a layer of its spec, once each: {', '.join(spec.layers) or 'none'}"
+            raise _error(spec, reading, where, expected, layer)
+        allowed.remove(type(layer))
+        if fault := layer_fault(layer):
+            raise _error(spec, reading, f"{where}.{fault.place}", fault.expected, fault.found)
+
+
+def check_state(state: object, spec: MapperSpec, reading: int | None = None) -> None:
+    """Check a `Mapper.state`; further arguments as for `check_estimate`, but None for no reading.
+
+    Raises:
+        InputError: It is no mapping, a name is no text, or an array is not one of numbers.
+    """
+    if not isinstance(state, Mapping):
+        raise _error(spec, reading, "state()", "arrays of numbers by name", state)
+    for name, array in state.items():
+        if not isinstance(name, str):
+            raise _error(spec, reading, "state()", "arrays of numbers by name", name)
+        if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
+            raise _error(spec, reading, f"state()[{name!r}]", "an array of numbers", array)
+
+
+def check_events(events: object, spec: MapperSpec, reading: int) -> None:
+    """Check a `PlaceMemory.events`; further arguments as for `check_estimate`.
+
+    Raises:
+        InputError: It is no sequence, or is text.
+    """
+    if not isinstance(events, Sequence) or isinstance(events, str | bytes):
+        raise _error(spec, reading, "events", "a sequence with an item an event", events)
+
+
+def check_place(place: object, spec: MapperSpec, reading: int) -> None:
+    """Check what `PlaceMemory.place_at` returns for a reading.
+
+    Raises:
+        InputError: It is no id of a place.
+    """
+    if place not in COUNT:
+        raise _error(spec, reading, "place_at()", COUNT.expected, place)
+
+
+def check_activity(activity: object, spec: MapperSpec, reading: int) -> None:
+    """Check an `AttractorNetwork.activity`; further arguments as for `check_estimate`.
+
+    Raises:
+        InputError: It is no `Activity`, or its packet is not an array of three finite numbers.
+    """
+    if not isinstance(activity, Activity):
+        raise _error(spec, reading, "activity", "an Activity", activity)
+    packet = activity.packet
+    if not (_is_array(packet, _POSE) and np.isfinite(packet).all()):
+        expected = "an array of 3 finite numbers, (x', y', heading)"
+        raise _error(spec, reading, "activity.packet", expected, packet)
 
 
 def check_array(
@@ -131,8 +221,12 @@ def _is_array(value: object, size: int) -> TypeGuard[np.ndarray]:
     return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype.kind in "fiu"
 
 
-def _error(spec: MapperSpec, reading: int, name: str, expected: str, value: object) -> InputError:
-    when = f"reading {reading}" if reading >= 0 else "before the first reading"
+def _error(
+    spec: MapperSpec, reading: int | None, name: str, expected: str, value: object
+) -> InputError:
+    when = ""
+    if reading is not None:
+        when = f"reading {reading}, " if reading >= 0 else "before the first reading, "
     if not isinstance(value, np.ndarray):
         found = f"a {type(value).__name__}, {reprlib.repr(value)}"
     elif value.size > _WAY_HOME:
@@ -142,4 +236,4 @@ def _error(spec: MapperSpec, reading: int, name: str, expected: str, value: obje
             found += f", not finite at {tuple(np.argwhere(~np.isfinite(value))[0].tolist())}"
     else:
         found = str(value.tolist())
-    return InputError(f"mapper {spec.name}", expected, found, place=f"{when}, {name}")
+    return InputError(f"mapper {spec.name}", expected, found, place=f"{when}{name}")
