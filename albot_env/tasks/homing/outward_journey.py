@@ -14,7 +14,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
-from albot_core.ranges import NOT_NEGATIVE, check_fields
+from albot_core.ranges import Range, check_fields
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
@@ -24,10 +24,12 @@ from albot_env.tasks.core.settings import Equipment
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
+_LENGTH = Range("a number within [0, 100000]", 0.0, 100_000.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class OutwardJourneyConfig:
-    """Length of outward journeys."""
+    """Length of outward journeys, of 100 km at most."""
 
     shortest: float = 30.0
     """Minimum length of a journey, which is drawn uniformly (m)."""
@@ -37,7 +39,7 @@ class OutwardJourneyConfig:
     """A journey is extended while the way home from its end is shorter than this (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, NOT_NEGATIVE, *vars(self))
+        check_fields(self, _LENGTH, *vars(self))
         if self.shortest > self.longest:
             expected = f"at least shortest, {self.shortest:g}"
             raise InputError("OutwardJourneyConfig.longest", expected, f"{self.longest:g}")

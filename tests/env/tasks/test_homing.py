@@ -276,6 +276,7 @@ def test_an_episode_can_be_recorded(two_rooms: World, tmp_path: Any) -> None:
     [
         (lambda: OutwardJourneyConfig(shortest=5.0, longest=4.0), "longest"),
         (lambda: OutwardJourneyConfig(away=-1.0), "away"),
+        (lambda: OutwardJourneyConfig(longest=2e9), r"longest: expected a number within \[0, 1000"),
         (lambda: HomingConfig(radius=0.0), "radius"),
         (lambda: HomingWeights(discount=1.5), "discount"),
         (lambda: HomingWeights(success=float("inf")), "success"),
