@@ -16,6 +16,18 @@ def wall_lines(walls: Segments) -> shapely.MultiLineString:
     return shapely.multilinestrings(shapely.linestrings(walls.reshape(-1, 2, 2)))
 
 
+def floor_at(walls: Segments, point: Float64[np.ndarray, "2"]) -> shapely.Polygon:
+    """Return all points near the building that no walls separate from a point (m) on no wall.
+
+    So the inside of furniture, and a chamber without a door, are no part of the floor of a room.
+    """
+    lines = wall_lines(walls)
+    frame = shapely.box(*lines.bounds).buffer(1.0, join_style="mitre").exterior
+    parts = shapely.get_parts(shapely.polygonize([shapely.union_all([lines, frame])]))
+    here = shapely.Point(point)
+    return min(parts, key=lambda part: float(part.distance(here)))
+
+
 class FreeSpace:
     """The points at which the centre of a disc of `radius` (m) can be without touching a wall.
 

@@ -14,7 +14,7 @@ import shapely
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Segments
 from albot_core.ranges import FINITE, Range, are_numbers, shown
-from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.freespace import FreeSpace, floor_at, wall_lines
 
 Point = tuple[float, float]
 """x, y (m)."""
@@ -275,14 +275,13 @@ def _door_violations(
 def _box_violations(
     movables: Movables, around: Environment, lines: shapely.Geometry
 ) -> Iterator[Violation]:
+    if not movables.boxes:
+        return
     starts = shapely.points(around.starts)
     outlines = [box.outline for box in movables.boxes]
+    floor = floor_at(around.walls, around.starts[0])
     for index, outline in enumerate(outlines):
         place = f"movables.boxes[{index}]"
-        if not around.extent.contains(outline):
-            yield Violation(
-                place, "a box inside the building", f"one at {movables.boxes[index].at}"
-            )
         distances = {"a wall": outline.distance(lines)}
         distances |= {f"boxes[{k}]": outline.distance(outlines[k]) for k in range(index)}
         distances |= {
@@ -293,6 +292,14 @@ def _box_violations(
             if distance < TOLERANCE:
                 found = f"{what} at {distance:.3g} m"
                 yield Violation(place, f"a box at least {TOLERANCE} m from everything else", found)
+        # Only now: of a box on a wall, the wall is what has to be told.
+        at = movables.boxes[index].at
+        if not around.extent.contains(outline):
+            yield Violation(place, "a box inside the building", f"one at {at}")
+        if not floor.contains(shapely.Point(at)):
+            expected = "a box on the floor of the starts"
+            found = f"one at {at}, inside furniture or behind walls without an opening"
+            yield Violation(place, expected, found)
         nearest = float(shapely.distance(starts, outline).min())
         if nearest < around.radius:
             expected = f"a box {around.radius} m clear of the starts"

@@ -22,11 +22,11 @@ DOOR = Door(hinge=(5.0, 2.0), heading=np.pi / 2, width=1.0)
 WALKER = Walker(route=((1.0, 4.0), (4.0, 4.0), (4.0, 3.0)))
 
 
-def make(starts=((1.5, 2.5, 0.0),), **movables) -> World:
+def make(starts=((1.5, 2.5, 0.0),), walls=WALLS, **movables) -> World:
     parts = {name: tuple(things) for name, things in movables.items()}
     return World(
         name="hall",
-        walls=WALLS,
+        walls=walls,
         starts=np.array(starts),
         movables=Movables(**parts),
         source="hall.yaml",
@@ -133,6 +133,7 @@ def box(x: float, y: float, **fields) -> Box:
             "inside the building",
         ),
         ({"boxes": [box(5, 1)]}, "boxes[0]", "a wall at 0 m"),
+        ({"boxes": [box(0.2, 1)]}, "boxes[0]", "a wall at 0 m"),
         ({"boxes": [box(3, 1), box(3.5, 1)]}, "boxes[1]", "boxes[0] at 0 m"),
         ({"boxes": [box(3, 1), box(3, 1, length=0.3, width=0.3)]}, "boxes[1]", "boxes[0] at 0"),
         (
@@ -163,6 +164,17 @@ def test_what_is_wrong_is_named_with_its_place(movables, place, words):
     assert caught.value.place.startswith(f"movables.{place}")
     assert words in str(caught.value)
     assert str(caught.value).startswith("hall.yaml, ")
+
+
+@pytest.mark.parametrize("left", [1.0, 0.0], ids=["free-standing", "at a wall"])
+def test_a_box_does_not_stand_inside_furniture(left):
+    desk = np.array([[left, 4], [2.6, 4], [2.6, 4.8], [left, 4.8]])
+    walls = np.concatenate((WALLS, np.concatenate((desk, np.roll(desk, -1, axis=0)), axis=1)))
+    with pytest.raises(InputError, match=r"found one at \(1.8, 4.4\), inside furniture") as caught:
+        make(walls=walls, boxes=[box(3.5, 1), box(1.8, 4.4)])
+    assert caught.value.place == "movables.boxes[1]"
+    make(walls=walls, boxes=[box(3.5, 1), box(6, 4.4)])
+    make(walls=np.delete(walls, -3, axis=0), boxes=[box(3.5, 1), box(1.8, 4.4)])
 
 
 def test_a_start_is_not_walled_in_by_boxes_alone():

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from albot_core.errors import InputError
-from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.freespace import FreeSpace, floor_at, wall_lines
 from albot_maps.generators.parameters import Parameters
 from albot_maps.generators.plan import WALL, Sampler
 from albot_maps.movables import TOLERANCE, Box, Door, Movables, Point, Walker
@@ -181,11 +181,15 @@ class _Placer:
             (routes, _AWAY["routes"]),
             (sweeps, _SPARE),
         ]
+        floor = floor_at(self._world.walls, self._world.starts[0, :2])
+        shapely.prepare(floor)
         tries = 0
         while tries < _TRIES:
             box = self._draw_box()
             tries += 1
             outline = box.outline
+            if not floor.contains(shapely.Point(box.at)):
+                continue
             # The distance to an empty shape is nan.
             if any(outline.distance(other) < gap for other, gap in kept):
                 continue

@@ -8,7 +8,7 @@ import shapely
 
 from albot_core.errors import InputError
 from albot_maps import ROBOT_RADIUS, load_world
-from albot_maps.freespace import FreeSpace
+from albot_maps.freespace import FreeSpace, floor_at
 from albot_maps.generators import populate
 from albot_maps.generators.spec import KINDS
 
@@ -34,6 +34,15 @@ def test_boxes_stay_away_from_every_start():
     for box in world.movables.boxes:
         gaps = shapely.distance(box.outline, shapely.points(world.starts[:, :2]))
         assert gaps.min() >= 1.3
+
+
+@pytest.mark.parametrize(
+    "spec", ["random:apartment:1?boxes=8", "random:office:11?boxes=8", "random:hall:11?boxes=8"]
+)
+def test_no_box_stands_inside_furniture(spec):
+    world = load_world(spec)
+    floor = floor_at(world.walls, world.starts[0, :2])
+    assert all(floor.contains(box.outline) for box in world.movables.boxes)
 
 
 def test_a_world_without_room_for_another_start_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
