@@ -27,9 +27,11 @@ SMALLEST_SIDE = 0.3
 """Smallest side of a box (m): a much thinner one could pass through a wall in a physics step."""
 SHORTEST_LEG = 0.1
 """Shortest leg of a walker's route (m)."""
-_SMALLEST_OPENING = 0.1
-"""Smallest angle (rad) by which a leaf opens."""
-_OPENING = Range("an angle from 0.1 to pi rad, or from -pi to -0.1 rad", -math.pi, math.pi)
+SMALLEST_OPENING, LARGEST_OPENING = 0.1, math.pi
+"""Angles (rad) by which a leaf opens, to either side."""
+_OPENING = Range(
+    "an angle from 0.1 to pi rad, or from -pi to -0.1 rad", -LARGEST_OPENING, LARGEST_OPENING
+)
 _ARC = math.radians(5)
 """Largest angle (rad) of a chord with which a leaf's arc is approximated."""
 
@@ -64,7 +66,7 @@ class Door:
         _check_heading("Door", self.heading)
         _check_range("Door", "width", self.width, NARROWEST_LEAF, WIDEST_LEAF, "m")
         _check_range("Door", "turn_rate", self.turn_rate, 0.1, 3.0, "rad/s")
-        if self.opening not in _OPENING or abs(self.opening) < _SMALLEST_OPENING:
+        if self.opening not in _OPENING or abs(self.opening) < SMALLEST_OPENING:
             raise InputError("Door", _OPENING.expected, shown(self.opening), place="opening")
         for name in ("open_for", "shut_for"):
             _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")

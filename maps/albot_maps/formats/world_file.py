@@ -21,7 +21,14 @@ from jsonschema.exceptions import ValidationError, best_match
 from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.yaml_document import YamlDocument, format_value
-from albot_maps.movables import Box, Door, Movables, Walker
+from albot_maps.movables import (
+    LARGEST_OPENING,
+    SMALLEST_OPENING,
+    Box,
+    Door,
+    Movables,
+    Walker,
+)
 from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Room, World
 
 Thing = TypeVar("Thing", Door, Box, Walker)
@@ -29,6 +36,9 @@ Thing = TypeVar("Thing", Door, Box, Walker)
 _VERSION = 1
 _ANGLES = ("heading", "opening")
 """Fields in degrees; `heading_rad` and `opening_rad` are in radians."""
+_LEAST, _MOST = f"{np.rad2deg(SMALLEST_OPENING):.2f}", f"{np.rad2deg(LARGEST_OPENING):g}"
+_OPENING = f"an angle from {_LEAST} to {_MOST} degrees, or from -{_MOST} to -{_LEAST} degrees"
+"""What is expected of a door's `opening`, which the file has in degrees."""
 
 
 def parse_world(text: str, *, source: str) -> World:
@@ -251,7 +261,10 @@ def _movables(document: YamlDocument, source: str) -> Movables:
             except InputError as error:
                 name = next((name for name in entry if name.startswith(error.place)), error.place)
                 place = document.place(("movables", key, index, name))
-                raise InputError(source, error.expected, error.found, place=place) from None
+                expected, found = error.expected, error.found
+                if name == "opening":
+                    expected, found = _OPENING, format_value(entry[name])
+                raise InputError(source, expected, found, place=place) from None
         return tuple(things)
 
     return Movables(

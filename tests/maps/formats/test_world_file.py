@@ -253,7 +253,16 @@ def replaced(old: str, new: str) -> str:
         (SMALL + "exits: {A: {line: [[0, 0], [1, 1]]}}", "line 13, exits.A", "the key rooms"),
         (SMALL + "tours:\n  t: [[1, 1], [1, 3.9]]", "line 14, tours.t", "0.25 m clear"),
         (SMALL + MOVING.replace("hinge", "hing"), "line 15, movables.doors[0].hing", "hinge?"),
-        (SMALL + MOVING.replace("-90", "0"), "line 15, movables.doors[0].opening", "0.1 to pi"),
+        (
+            SMALL + MOVING.replace("-90", "200"),
+            "line 15, movables.doors[0].opening",
+            "from 5.73 to 180 degrees, or from -180 to -5.73 degrees, found 200",
+        ),
+        (
+            SMALL + MOVING.replace("opening: -90", "opening_rad: 4"),
+            "line 15, movables.doors[0].opening_rad",
+            "from 0.1 to pi rad, or from -pi to -0.1 rad, found 4",
+        ),
         (SMALL + MOVING.replace("0.4", "0.1"), "line 17, movables.boxes[0].length", "0.3 to 3 (m)"),
         (SMALL + MOVING.replace("[2, 2]", "[1, 3.5]"), "line 17, movables.boxes[0]", "a wall at"),
         (SMALL + MOVING.replace("[2, 2]", "[2]"), "line 17, movables.boxes[0].at", "a point [x"),
