@@ -26,8 +26,12 @@ LARGEST_COORDINATE = 10_000.0
 SHORTEST_WALL = 1e-6
 """A wall of this length (m) or less counts as a point, and is an error."""
 
+DEEPEST_EXIT = 1.0
+"""Largest distance (m) of an exit's line from its two rooms: a wall may be so thick."""
+
 _ROUNDING = 0.002
-"""Distance (m) outside the polygonal free space at which a point still counts as free."""
+"""Distance (m) outside the polygonal free space at which a point still counts as free; also how
+far from an exit's line its two sides begin."""
 
 METRES = f"finite numbers in metres, within ±{LARGEST_COORDINATE:g}"
 """Text for coordinates in error messages: what is expected."""
@@ -53,7 +57,7 @@ class Exit:
     segment: Float64[np.ndarray, "4"]
     """The line across the opening: x1, y1, x2, y2 (m)."""
     rooms: tuple[str, str]
-    """Names of the rooms on its two sides."""
+    """Names of the rooms on its two sides, within `DEEPEST_EXIT` of the middle of the line."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segment", _read_only(self.segment))
@@ -244,6 +248,26 @@ class World:
             if opening.rooms[0] == opening.rooms[1]:
                 expected = f"two different rooms at {opening.name!r}"
                 raise self._error(place, expected, f"{opening.rooms[0]} twice")
+        if self.exits:
+            self._check_exits_lie_between_their_rooms()
+
+    def _check_exits_lie_between_their_rooms(self) -> None:
+        outlines = dict(zip([room.name for room in self.rooms], self._outlines, strict=True))
+        segments = np.array([opening.segment for opening in self.exits])
+        pairs = np.array([[outlines[name] for name in opening.rooms] for opening in self.exits])
+        for index in np.flatnonzero(~lie_between(segments, pairs)).tolist():
+            opening = self.exits[index]
+            one, other = (
+                ", ".join(name for name in outlines if outlines[name].intersects(side)) or "no room"
+                for side in _sides(segments)[index]
+            )
+            first, second = opening.rooms
+            raise self._error(
+                f"exits[{index}]",
+                f"{first} and {second} within {DEEPEST_EXIT:g} m of the two sides of "
+                f"{opening.name!r}",
+                f"{one} on one side, {other} on the other",
+            )
 
     def _check_starts(self) -> None:
         if self.starts.ndim != 2 or not len(self.starts):
@@ -310,6 +334,34 @@ class World:
         around = Environment(self.walls, self.starts[:, :2], ROBOT_RADIUS)
         for place, expected, found in find_violations(self.movables, around):
             raise self._error(place, expected, found)
+
+
+def lie_between(segments: Segments, rooms: np.ndarray) -> Bool[np.ndarray, "exits"]:
+    """Return whether each exit's two rooms lie on the two sides of its line's middle.
+
+    Args:
+        segments: The lines across the exits (m).
+        rooms: The outlines of the two rooms of each exit, polygons (n, 2).
+    """
+    # (exits, sides, rooms)
+    meets = shapely.intersects(_sides(segments)[:, :, np.newaxis], rooms[:, np.newaxis, :])
+    between: Bool[np.ndarray, "exits"]
+    between = (meets[:, 0, 0] & meets[:, 1, 1]) | (meets[:, 0, 1] & meets[:, 1, 0])
+    return between
+
+
+def _sides(segments: Segments) -> np.ndarray:
+    """Return the lines (n, 2) that lead straight away from the middle of each exit, to its sides.
+
+    They begin a little off: an exit may lie on the line between two rooms that touch.
+    """
+    first, second = segments[:, :2], segments[:, 2:]
+    along = (second - first) / np.hypot(*(second - first).T)[:, np.newaxis]
+    across = np.stack((-along[:, 1], along[:, 0]), axis=1)
+    reach = np.array([_ROUNDING, DEEPEST_EXIT])[:, np.newaxis]
+    middle = ((first + second) / 2)[:, np.newaxis]
+    ways = [middle + sign * reach * across[:, np.newaxis] for sign in (1.0, -1.0)]
+    return np.stack([shapely.linestrings(way) for way in ways], axis=1)
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

@@ -112,6 +112,9 @@ def test_a_room_needs_a_simple_outline(boundary, words):
         ([3, 1, 3, 1], ("west", "east"), "wider than 0"),
         ([3, 1, 3, np.inf], ("west", "east"), "finite"),
         ([3, 1, 3, 2], ("west", "west"), "two different rooms"),
+        ([1, 1, 1, 2], ("west", "east"), "found west on one side, west on the other"),
+        ([3, 2, 4, 2], ("west", "east"), "found east on one side, east on the other"),
+        ([9, 1, 9, 2], ("west", "east"), "found no room on one side, no room on the other"),
     ],
 )
 def test_an_exit_joins_two_rooms(segment, rooms, words):
@@ -119,6 +122,32 @@ def test_an_exit_joins_two_rooms(segment, rooms, words):
     with pytest.raises(InputError, match=words) as caught:
         make(exits=(door,))
     assert caught.value.place == "exits[0]"
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.5])
+@pytest.mark.parametrize("rooms", [("west", "east"), ("east", "west")])
+@pytest.mark.parametrize("at", [3.0, 3.45, 3.9])
+def test_an_exit_may_lie_anywhere_in_a_thick_wall(at, rooms, turn):
+    """The rooms are 0.9 m apart, the line in the middle between them or at either."""
+    cos, sin = np.cos(turn), np.sin(turn)
+    turned = np.array([[cos, sin], [-sin, cos]])
+    walls = np.concatenate((SQUARE, [[3, 0, 3, 1.5], [3, 2.5, 3, 4], [3.9, 0, 3.9, 1.5]]))
+    far = EAST.boundary + np.where(EAST.boundary[:, :1] == 3, (0.9, 0), 0)
+    make(
+        walls=(walls.reshape(-1, 2) @ turned).reshape(-1, 4),
+        starts=np.array([[*(START[0, :2] @ turned), 0]]),
+        rooms=(
+            Room(name="west", boundary=WEST.boundary @ turned),
+            Room(name="east", boundary=far @ turned),
+        ),
+        exits=(
+            Exit(
+                name="door",
+                segment=(np.array([[at, 1.5], [at, 2.5]]) @ turned).reshape(4),
+                rooms=rooms,
+            ),
+        ),
+    )
 
 
 def test_a_room_is_reachable_only_where_the_robot_stands_wholly_inside():

@@ -24,7 +24,7 @@ from albot_core.files import read_bytes
 from albot_core.geometry.types import Points, Segments
 from albot_core.plain_data import LARGEST
 from albot_maps.formats.reachable import reachable_world
-from albot_maps.world import SHORTEST_WALL, Exit, Room, World
+from albot_maps.world import SHORTEST_WALL, Exit, Room, World, lie_between
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,10 +63,7 @@ def read_plan_xml(path: Path) -> World:
             Room(name=space.name, boundary=np.array(space.outline.exterior.coords[:-1]))
             for space in spaces.values()
         ),
-        exits=tuple(
-            Exit(name=f"D{number}", segment=door.segment, rooms=rooms)
-            for number, (door, rooms) in enumerate(doors, 1)
-        ),
+        exits=plan.exits(spaces, doors),
         notes=tuple(plan.notes),
         source=str(path),
     )
@@ -147,6 +144,21 @@ class _Plan:
             else:
                 doors.append((door, (first.name, second.name)))
         return doors
+
+    def exits(
+        self, spaces: dict[str, _Space], doors: list[tuple[DoorOpening, tuple[str, str]]]
+    ) -> tuple[Exit, ...]:
+        """Return the doors as exits, without those of spaces that overlap where the door is."""
+        outlines = {space.name: space.outline for space in spaces.values()}
+        exits = []
+        for number, (door, rooms) in enumerate(doors, 1):
+            pair = np.array([[outlines[name] for name in rooms]])
+            if lie_between(door.segment[np.newaxis], pair).all():
+                exits.append(Exit(name=f"D{number}", segment=door.segment, rooms=rooms))
+            else:
+                note = f"no exit at the door D{number}: {rooms[0]} and {rooms[1]} overlap there"
+                self.notes.append(note)
+        return tuple(exits)
 
     def _portals(self, spaces: dict[str, _Space]) -> list[_Portal]:
         """Return every portal once, although both of its spaces list it."""

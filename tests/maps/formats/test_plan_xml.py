@@ -72,6 +72,15 @@ def test_two_rooms_and_their_door(tmp_path):
     assert world.starts[0] == pytest.approx([1.5, 1.0, 0], abs=0.6)
 
 
+def test_the_door_of_a_room_inside_another_is_no_exit(tmp_path):
+    """It lies in the outer wall, which both have: outside of it is neither."""
+    inner = [(200, 50), (200, 150), (300, 150), (300, 50)]
+    door = portal("p", "a", "b", (300, 100))
+    world = load(tmp_path, plan(space("a", "HALL", LEFT, door), space("b", "BOOTH", inner, door)))
+    assert world.exits == ()
+    assert "no exit at the door D1: HALL and BOOTH overlap there" in world.notes
+
+
 def test_equal_labels_are_numbered_and_unreachable_rooms_named(tmp_path):
     far = [(x + 700, y) for x, y in RIGHT]
     spaces = (space("a", "ROOM", LEFT, DOOR), space("b", "ROOM", RIGHT), space("c", "STORE", far))

@@ -121,7 +121,7 @@ names = st.text(characters, min_size=1, max_size=12).filter(
 def test_any_world_comes_back_exactly(name, walls, heading, corners, labels, note):
     low, middle, high = sorted(corners)
     outlines = (
-        [[440 + low, 0], [440 + middle, 0], [440, 300 + high]],
+        [[440, 0], [440, 200], [300 + low, 100]],
         [[440, 0], [540 + high, 100], [440, 200]],
     )
     first, second, label = labels
@@ -135,7 +135,13 @@ def test_any_world_comes_back_exactly(name, walls, heading, corners, labels, not
         )
         if middle - low > 1
         else (),
-        exits=(Exit(name=label, segment=np.array([low, middle, high, low]), rooms=(first, second)),)
+        exits=(
+            Exit(
+                name=label,
+                segment=np.array([440, 100 + low, 440, 100 + high]),
+                rooms=(first, second),
+            ),
+        )
         if middle - low > 1
         else (),
         tours={label: np.array([[220.0 + low, high], [221.0 + low, middle]])},
