@@ -54,7 +54,8 @@ def read_log_or_episode(path: Path, keep_going: bool = False) -> Log:
     Raises:
         InputError: As `read_log` and `read_episode_log`.
     """
-    return read_episode_log(path) if path.suffix == EPISODE_SUFFIX else read_log(path, keep_going)
+    is_episode = path.suffix.lower() == EPISODE_SUFFIX
+    return read_episode_log(path) if is_episode else read_log(path, keep_going)
 
 
 def read_episode_log(path: Path) -> Log:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from albot_cli.long_run_page import write_long_run
-from albot_cli.outputs import FORCE, check_file
+from albot_cli.outputs import FORCE, check_file, check_suffix
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -76,6 +76,7 @@ def command(
     if out is not None:
         if parts and "journey" not in parts:
             raise InputError("--out", "--part journey, which writes the page", ", ".join(parts))
+        check_suffix(out, ".md", option="--out")
         check_file(out, force=force)
         check_file(out.with_suffix(".png"), force=force)
     if rounds is not None and parts and "env" not in parts:

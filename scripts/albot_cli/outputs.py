@@ -57,9 +57,20 @@ def check_png(path: Path | None, *, force: bool = False) -> None:
     """
     if path is None:
         return
-    if path.suffix.lower() != ".png":
-        raise InputError("--png", "a name that ends in .png", str(path))
+    check_suffix(path, ".png", option="--png")
     check_file(path, force=force)
+
+
+def check_suffix(path: Path, suffix: str, *, option: str) -> None:
+    """Raise InputError if a file's name does not end in a suffix, in small or capital letters.
+
+    Args:
+        path: The file.
+        suffix: The suffix, in small letters.
+        option: The option that names the file.
+    """
+    if path.suffix.lower() != suffix:
+        raise InputError(option, f"a name that ends in {suffix}", str(path))
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from click.core import ParameterSource
 
 from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, check_file, check_png
+from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
@@ -33,7 +33,7 @@ AGENTS = {
 }
 """The default agent of each task."""
 SUFFIX = ".mcap"
-"""Suffix that distinguishes an episode's file from a task's name."""
+"""Suffix of episodes, which tells them from tasks here, and from logs in `albot map`."""
 SENSORS = ("laser", "odometer", "sonar", "scenes")
 """Options that select a sensor's preset, named like the environment's arguments."""
 RUN_ONLY = (
@@ -139,6 +139,7 @@ def command(
     episode = _episode_file(what)
     if episode is None:
         record, png = _free_names(record, png)
+        check_suffix(record, SUFFIX, option="--record")
         _check_picture(png, record, force)
         check_file(record, force=force)
         summary = _run(what, record=record, png=png, force=force, **options)

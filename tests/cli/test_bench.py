@@ -205,6 +205,7 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
         (["--part", "lazer"], "one of laser"),
         (["--log", "missing.log"], "file not found"),
         (["--part", "startup", "--out", "page.md"], "--part journey, which writes the page"),
+        (["--part", "journey", "--out", "j.txt"], "a name that ends in .md, found j.txt"),
         (["--part", "startup", "--log", "a.log"], "--part mapper or slam, whose mappers map it"),
         (["--part", "startup", "--rounds", "2"], "--part env, which is measured in rounds"),
     ],

@@ -56,5 +56,7 @@ def test_the_command_writes_the_page_and_its_picture(
 
 
 def test_a_page_that_cannot_be_written_is_told_before_anything_is_measured(tmp_path: Path) -> None:
-    outcome = CliRunner().invoke(albot, ["bench", "--part", "journey", "--out", str(tmp_path)])
+    outcome = CliRunner().invoke(
+        albot, ["bench", "--part", "journey", "--out", str(tmp_path / "gone" / "a.md")]
+    )
     assert isinstance(outcome.exception, InputError)

@@ -167,6 +167,10 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         ((*SHORT, "--png", "taken/a.png"), "taken"),
         ((*SHORT, "--png", "./episode.mcap"), "a file other than the episode"),
         ((*SHORT, "--png", "a.jpg"), "a name that ends in .png"),
+        (
+            (*SHORT, "--record", "a.txt"),
+            "a name that ends in .mcap, found a.txt",
+        ),
         (("--world", "two\nlines"), r"found two\nlines"),
         (("none.mcap",), "none.mcap"),
         ((*SHORT, "--record", "gone/a.mcap"), "expected an existing folder"),

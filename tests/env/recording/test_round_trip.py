@@ -15,7 +15,7 @@ from albot_core.errors import InputError
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.episode import Moment, NullRecorder, Recorder
 from albot_env.recording.layers import plain_layer
-from albot_env.recording.log import EpisodeLog, read_episode_log
+from albot_env.recording.log import EpisodeLog, read_episode_log, read_log_or_episode
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import TOPICS
 from albot_env.recording.writer import CHUNK_MOMENTS, EpisodeWriter
@@ -189,6 +189,12 @@ def test_a_full_disk_is_said(make_env) -> None:
     env.recorder = EpisodeWriter(Path("/dev/full"))
     with pytest.raises(InputError, match=r"/dev/full"):
         drive(env, 60)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.MCAP"])
+def test_an_episode_is_known_by_its_suffix(episode: Path, tmp_path: Path, name: str) -> None:
+    path = episode.rename(tmp_path / name)
+    assert len(read_log_or_episode(path).readings) == len(read_episode_log(path).readings)
 
 
 def test_an_episode_is_a_log_as_well(make_env, episode: Path) -> None:
