@@ -48,7 +48,7 @@ class Evaluations:
 
     def __init__(self, plan: TrainingPlan, path: Path, samples: int) -> None:
         assert plan.evaluation is not None
-        seeds = parse_seeds(plan.evaluation.seeds)
+        seeds = parse_seeds(str(plan.evaluation.seeds))
         trials = plan_trials(plan.task, "", plan.evaluation.worlds, seeds, {})
         self._seeds = [trial.seed for trial in trials]
         settings = evaluation_settings(plan)

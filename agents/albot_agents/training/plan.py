@@ -77,8 +77,8 @@ class EvaluationPlan:
 
     worlds: tuple[str, ...] = ("random:office",)
     """World specs as for `albot evaluate`; for `random:KIND` each seed is a world of its own."""
-    seeds: str = "900..963"
-    """`A..B`, both included; each world with each seed is one episode."""
+    seeds: str | int = "900..963"
+    """`A..B`, both included, or one seed; each world with each seed is one episode."""
     every: int = 1_000_000
     """Samples between two evaluations."""
     env: Mapping[str, Any] = field(default_factory=dict)
@@ -89,7 +89,7 @@ class EvaluationPlan:
         if not self.worlds:
             raise InputError("EvaluationPlan.worlds", "one world or more", "none")
         try:
-            parse_seeds(self.seeds)
+            parse_seeds(str(self.seeds))
         except InputError as error:
             raise InputError("EvaluationPlan.seeds", error.expected, error.found) from None
 

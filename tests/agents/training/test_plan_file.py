@@ -43,6 +43,15 @@ def test_nested_settings_keep_their_defaults(tmp_path: Path) -> None:
     assert config.outing.longest == 2.0
 
 
+def test_seeds_of_evaluations_are_a_range_or_one_number(tmp_path: Path) -> None:
+    for seeds in ("900..963", "901", 901):
+        plan = read_plan(plan_file(tmp_path / "a.yml", evaluation={"seeds": seeds}))
+        assert plan.evaluation is not None
+        assert plan.evaluation.seeds == seeds
+        save_plan(plan, tmp_path / "b.yml")
+        assert read_plan(tmp_path / "b.yml") == plan
+
+
 def test_worlds_are_dealt_out(tmp_path: Path) -> None:
     worlds = ["square-loop", "random:office:0..9"]
     plan = read_plan(plan_file(tmp_path / "a.yml", n_envs=4, env={"world": worlds}))
@@ -85,6 +94,10 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ),
         ({"env": {"movables": 1}}, "env.movables: expected true or false, found 1"),
         ({"evaluation": {"seeds": "9..3"}}, "evaluation.seeds: expected a range"),
+        (
+            {"evaluation": {"seeds": -1}},
+            "evaluation.seeds: expected A..B, .* or one seed, found -1",
+        ),
         ({"evaluation": {"env": {"x": 1}}}, "evaluation.env.x: expected one of"),
         ({"curriculum": [{"until": 3}]}, r"curriculum\[0\].until: expected one of"),
         ({"curriculum": [{}, {}]}, "curriculum: expected for_steps or until_success"),

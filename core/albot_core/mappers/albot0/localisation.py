@@ -52,7 +52,8 @@ class LocalisationConfig:
                 found = f"{name!r}{did_you_mean(name, CUES)}"
                 raise InputError("LocalisationConfig.cues", f"some of {', '.join(CUES)}", found)
         if not self.cues or len(set(self.cues)) < len(self.cues):
-            raise InputError("LocalisationConfig.cues", "each cue once", str(self.cues))
+            expected = f"one or more of {', '.join(CUES)}, each once"
+            raise InputError("LocalisationConfig.cues", expected, ", ".join(self.cues) or "none")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,7 +31,8 @@ from albot_core.mappers.albot0.steps import NO_STEPS, Steps, join_steps
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
-_COUNT = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
+_PARTICLES = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
+_REMEMBERED = Range("a whole number from 1 to 1000", 1.0, 1e3, whole=True)
 _LIMIT = Range("a number within (0, 10]", 0.0, 10.0, beyond=True)
 """The limits of an echo field (m): sums of their squares stay within 32 bits."""
 _AROUND = 8.0
@@ -45,7 +46,7 @@ class TrailConfig:
     """How the robot is looked for on the way that it came."""
 
     particles: int = 400
-    """How many ways are kept."""
+    """How many ways are kept, 100,000 at most."""
     drift: float = 0.025
     """Standard deviation of the odometer's error of heading after one metre (rad/√m)…"""
     turned: float = 0.03
@@ -68,10 +69,12 @@ class TrailConfig:
     recent: float = 5.0
     """What was heard within the last metres (m) is left out: it errs as the robot does."""
     remembered: int = 40
-    """How many steps of its way each particle remembers. What lies before them stays as it is."""
+    """How many steps of its way each particle remembers, 1000 at most. What lies before them stays
+    as it is."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _COUNT, "particles", "remembered")
+        check_fields(self, _PARTICLES, "particles")
+        check_fields(self, _REMEMBERED, "remembered")
         check_fields(self, NOT_NEGATIVE, "drift", "turned", "slip", "recent")
         check_fields(self, POSITIVE, "spread", "alike", "through_surface")
         check_fields(self, _LIMIT, "farthest", "unknown")

@@ -12,6 +12,7 @@ from albot_core.matching.line_matching import MatchConfig
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.view import ViewConfig
 
+_ANGLE = Range("a number from 0 to pi (rad)", 0.0, math.pi)
 _HEIGHT = Range("a number from 0, or infinity", 0.0, infinite=True)
 
 
@@ -203,8 +204,8 @@ class Albot1Config:
     """The one landmark is the longest, as the text at figure 3.11 says; otherwise that of the
     highest goodness, eq. (3.5). Matters only where one landmark localises the robot."""
     turn_search: float = np.radians(50.0)
-    """Largest error of the odometer's turn that is searched (rad); with `submap_matching` as long
-    as a match is sure."""
+    """Largest error of the odometer's turn that is searched (rad), up to half a turn; with
+    `submap_matching` as long as a match is sure."""
     turn_cost: float = np.radians(6.0)
     """Least scale of the odometer's errors of turn (rad). A turn that differs from the odometer's
     costs by the difference in scales, as Student's t has it: an odometer that slips may be off by
@@ -232,7 +233,8 @@ class Albot1Config:
         lengths = "landmark_length", "landmark_gap", "match_range", "motion_error"
         angles = "landmark_angle", "turn_cost", "turn_error", "turn_scale"
         check_fields(self, POSITIVE, *lengths, *angles, "min_exit_width", "max_exit_width")
-        check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
+        check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin")
+        check_fields(self, _ANGLE, "turn_search")
         check_fields(self, _HEIGHT, "join_height")
         check_fields(self, SHARE, "unsure")
         check_fields(self, FROM_ONE, "min_landmarks")

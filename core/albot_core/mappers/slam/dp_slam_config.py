@@ -99,9 +99,9 @@ class DpSlamConfig:
     """All parameters of DP-SLAM."""
 
     particles: int = 50
-    """Largest number of particles (PARTICLE_NUMBER)."""
+    """Largest number of particles (PARTICLE_NUMBER), from 2 to 1000."""
     samples: int = 10
-    """Number of samples per particle (SAMPLE_NUMBER)."""
+    """Number of samples per particle (SAMPLE_NUMBER), 1000 at most."""
     motion: MotionModel = field(default_factory=MotionModel)
     """The motion model."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
@@ -114,7 +114,8 @@ class DpSlamConfig:
     turn: float = 0.03
     """Turn since the last used scan after which a scan is used (rad)."""
     beams: int = 181
-    """Largest number of beams used per scan; of a scan with more, every n-th beam is used."""
+    """Largest number of beams used per scan; of a scan with more, every n-th beam is used. 1000 at
+    most."""
     cell: float = 0.05
     """Side of a grid square (m). The program: 1 / 35 (MAP_SCALE); it advises 1 / 20 to 1 / 35."""
     reach: float = 7.95
@@ -139,7 +140,7 @@ class DpSlamConfig:
     cull: float = 13.0
     """A sample is dropped if its log-likelihood is this far below the best one's (THRESH)."""
     passes: int = 9
-    """Number of passes over the beams; samples are dropped after each (PASSES)."""
+    """Number of passes over the beams; samples are dropped after each (PASSES). 1000 at most."""
 
     def __post_init__(self) -> None:
         check_fields(self, _PARTICLES, "particles")

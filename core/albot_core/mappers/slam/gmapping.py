@@ -15,17 +15,17 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
-from albot_core.mappers.slam.particle_slam import FROM_ONE, ParticleSlam, ParticleSlamConfig
+from albot_core.mappers.slam.particle_slam import ParticleSlam, ParticleSlamConfig
 from albot_core.mappers.slam.points import matched_points
 from albot_core.mappers.slam.tiles import PoolArrays
-from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, check_fields
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
 
-_MOST_SAMPLES = 15
+_SAMPLES = Range("a whole number from 1 to 15", 1.0, 15.0, whole=True)
+_ITERATIONS = Range("a whole number from 0 to 100", 0.0, 100.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,12 +39,13 @@ class GMappingConfig(ParticleSlamConfig):
     angle_step: float = 0.05
     """First step in heading of the search for the best pose (rad; astep)."""
     iterations: int = 5
-    """Number of times that the steps are halved."""
+    """Number of times that the steps are halved, 100 at most."""
     least_score: float = 0.0
     """Mean score of the beams that a match must exceed."""
     samples: int = 3
     """Number of poses along each axis around the best one at which the proposal is evaluated. The
-    paper's K is its cube. The program has no proposal and takes the best pose, as 1 does here."""
+    paper's K is its cube. The program has no proposal and takes the best pose, as 1 does here. 15
+    at most."""
     sample_step: float = 0.02
     """Spacing of these poses in position (m); not in the program."""
     sample_turn: float = math.radians(0.5)
@@ -52,14 +53,10 @@ class GMappingConfig(ParticleSlamConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_fields(self, FROM_ONE, "samples")
-        check_fields(self, COUNT, "iterations")
+        check_fields(self, _SAMPLES, "samples")
+        check_fields(self, _ITERATIONS, "iterations")
         check_fields(self, NOT_NEGATIVE, "least_score")
         check_fields(self, POSITIVE, "length_step", "angle_step", "sample_step", "sample_turn")
-        if self.samples > _MOST_SAMPLES:
-            raise InputError(
-                "GMappingConfig.samples", f"at most {_MOST_SAMPLES}", str(self.samples)
-            )
 
 
 class Search(NamedTuple):

@@ -30,7 +30,7 @@ class GridSlamConfig(ParticleSlamConfig):
     """
 
     particles: int = 100
-    """Number of particles, as in the paper."""
+    """Number of particles, as in the paper; 100,000 at most."""
     drift: float = 0.015
     """Standard deviation of the matched position per distance (m/m)."""
     drift_by_turn: float = 0.01

@@ -33,7 +33,7 @@ from albot_core.maps.layers import MapSnapshot, ParticlesLayer, TrajectoryLayer
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import LaserScan, Reading
 
-FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+_PARTICLES = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class ParticleSlamConfig:
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
     """Parameters of the search for the way home."""
     particles: int = 30
-    """Number of particles."""
+    """Number of particles, 100,000 at most."""
     step: float = 1.0
     """Distance since the last update after which a scan is used (m)."""
     turn: float = 0.5
@@ -66,7 +66,7 @@ class ParticleSlamConfig:
     """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
-        check_fields(self, FROM_ONE, "particles")
+        check_fields(self, _PARTICLES, "particles")
         check_fields(self, NOT_NEGATIVE, "step", "turn")
         check_fields(
             self, POSITIVE, "drift", "drift_by_turn", "twist", "twist_by_way", "longest_step"

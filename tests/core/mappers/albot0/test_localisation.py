@@ -159,3 +159,8 @@ def test_a_cue_of_ones_own_is_chosen_by_its_name():
 def test_thresholds_are_checked(config):
     with pytest.raises(InputError, match=r"LocalisationConfig\."):
         LocalisationConfig(**config)
+
+
+def test_an_empty_list_of_cues_is_told_what_it_lacks():
+    with pytest.raises(InputError, match=r"expected one or more of .*extent.*, found none"):
+        LocalisationConfig(cues=())

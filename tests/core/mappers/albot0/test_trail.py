@@ -224,12 +224,14 @@ def test_an_echo_field_without_echoes_knows_nothing():
     ("name", "value"),
     [
         ("particles", 0),
+        ("particles", 100_001),
         ("slip", -0.1),
         ("spread", 0.0),
         ("farthest", 10.1),
         ("unknown", 0.0),
         ("alike", np.nan),
         ("remembered", 0),
+        ("remembered", 1001),
     ],
 )
 def test_bad_numbers_are_refused_by_name(name, value):

@@ -222,6 +222,8 @@ def test_lasers_may_differ_from_reading_to_reading() -> None:
         {"margin": -0.1},
         {"match_range": np.nan},
         {"view_turn": -0.1},
+        {"turn_search": -0.1},
+        {"turn_search": 50.0},
     ],
 )
 def test_impossible_thresholds_are_refused(wrong: dict[str, float]) -> None:
