@@ -6,6 +6,7 @@ from functools import singledispatch
 
 import numpy as np
 
+from albot_core.counts import many
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose
 from albot_core.maps.layers import (
@@ -47,7 +48,7 @@ def _segments(layer: SegmentsLayer, frame: Pose) -> tuple[Shape, ...]:
 
 @layer_summary.register
 def _segments_summary(layer: SegmentsLayer) -> str:
-    return f"{len(layer.segments)} surfaces"
+    return many(len(layer.segments), "surface")
 
 
 @layer_shapes.register
@@ -105,7 +106,7 @@ def _drawn_at(layer: PlaceGraph) -> Points:
 
 @layer_summary.register
 def _place_graph_summary(layer: PlaceGraph) -> str:
-    return f"{len(layer.nodes)} places"
+    return many(len(layer.nodes), "place")
 
 
 @layer_shapes.register
@@ -116,7 +117,7 @@ def _particles(layer: ParticlesLayer, frame: Pose) -> tuple[Shape, ...]:
 
 @layer_summary.register
 def _particles_summary(layer: ParticlesLayer) -> str:
-    return f"{len(layer.poses)} particles"
+    return many(len(layer.poses), "particle")
 
 
 @layer_shapes.register

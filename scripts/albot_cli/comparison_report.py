@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from albot_cli.counts import many
 from albot_cli.map_report import left_out_line
 from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 from albot_cli.outputs import filled_folder
+from albot_core.counts import many
 from albot_core.evaluation.trajectory import alignment
 from albot_core.export.picture import Panel, write_pictures
 from albot_core.files import write_text

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_folder, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
+from albot_core.counts import many
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
 from albot_cli.path_type import PathType
+from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from albot_cli.counts import many
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
+from albot_core.counts import many
 
 if TYPE_CHECKING:
     from albot_agents.stress import Episode, Outcome

@@ -13,6 +13,7 @@ import numpy as np
 from albot_cli.outputs import FORCE, check_file, check_folder, check_png, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_core.files import write_text
 from albot_maps import World, catalogue_names, load_world
@@ -20,7 +21,7 @@ from albot_maps.formats.world_file import world_text
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
 _MOST_ON_A_SHEET = 100
-_SINGULAR = {"boxes": "box"}
+_MOVABLES = {"doors": "door", "boxes": "box", "walkers": "walker"}
 _WORLD = click.argument("spec", metavar="WORLD")
 _STRICT = click.option(
     "--strict", is_flag=True, help="Refuse a world if its reader left anything out."
@@ -218,9 +219,7 @@ def summary(world: World) -> dict[str, Any]:
         "exits": {opening.name: list(opening.rooms) for opening in world.exits},
         "starts": world.starts.tolist(),
         "tours_m": {name: round(_length(points), 2) for name, points in world.tours.items()},
-        "movables": {
-            name: len(getattr(world.movables, name)) for name in ("doors", "boxes", "walkers")
-        },
+        "movables": {name: len(getattr(world.movables, name)) for name in _MOVABLES},
         "notes": list(world.notes),
     }
 
@@ -229,8 +228,8 @@ def one_line(facts: dict[str, Any]) -> str:
     """Return a world's size and the numbers of rooms, exits and walls."""
     width, height = facts["size_m"]
     parts = [f"{width:.1f} x {height:.1f} m"]
-    parts += [_count(len(facts[kind]), kind) for kind in ("rooms", "exits")]
-    return ", ".join([*parts, _count(facts["walls"], "walls")])
+    parts += [many(len(facts[f"{kind}s"]), kind) for kind in ("room", "exit")]
+    return ", ".join([*parts, many(facts["walls"], "wall")])
 
 
 def in_full(facts: dict[str, Any]) -> str:
@@ -246,17 +245,13 @@ def in_full(facts: dict[str, Any]) -> str:
         "exits": ", ".join(f"{name} ({'–'.join(ends)})" for name, ends in facts["exits"].items()),
         "start": f"({x:.2f}, {y:.2f}) m, heading {np.rad2deg(heading):.0f}°",
         "tours": ", ".join(f"{name} ({length:.1f} m)" for name, length in facts["tours_m"].items()),
-        "moving": ", ".join(_count(n, name) for name, n in facts["movables"].items() if n),
+        "moving": ", ".join(
+            many(n, _MOVABLES[name], name) for name, n in facts["movables"].items() if n
+        ),
         "notes": "; ".join(facts["notes"]),
         "png": facts.get("png", ""),
     }
     return "\n".join(f"{title:8}{text}" for title, text in rows.items() if text)
-
-
-def _count(number: int, plural: str) -> str:
-    if number != 1:
-        return f"{number} {plural}"
-    return f"1 {_SINGULAR.get(plural, plural.removesuffix('s'))}"
 
 
 def _length(points: np.ndarray) -> float:

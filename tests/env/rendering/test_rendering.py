@@ -35,7 +35,7 @@ from albot_env.rendering.canvas import (
     paint_array,
 )
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.layers import layer_shapes
+from albot_env.rendering.layers import layer_shapes, layer_summary
 from albot_env.rendering.picture import save_picture
 from albot_env.rendering.scene import Scene, lay_out, scale_bar
 from albot_env.rendering.terminal import BrailleCanvas, TerminalView, draw_text
@@ -158,6 +158,12 @@ def test_places_that_share_an_exit_lie_on_its_two_sides(mapped: Frame) -> None:
     # The source is to the left of who goes along the line: north here, so in the west.
     assert shapes["place"].data == pytest.approx(np.array(((4.2, 5.0), (5.8, 5.0))))
     assert shapes["link"].data[0] == pytest.approx((4.2, 5.0, 5.8, 5.0))
+
+
+@pytest.mark.parametrize(("count", "told"), [(1, "1 place"), (2, "2 places")])
+def test_the_status_line_counts_places(count: int, told: str) -> None:
+    node = PlaceNode(id=0, label="P1", pose=np.zeros(3), middle=np.zeros(2))
+    assert layer_summary(PlaceGraph(nodes=(node,) * count)) == told
 
 
 @pytest.mark.parametrize(("spacing", "kind"), [(0.5, "dots"), (1.5, "marks")])

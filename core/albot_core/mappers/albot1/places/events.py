@@ -8,6 +8,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.counts import many
 from albot_core.matching.line_matching import LineMatch
 
 
@@ -90,13 +91,14 @@ class Event:
             return f"{other} was in sight from the exit crossed"
         if self.gate == STANDS_WITHIN:
             return f"the robot seemed to stand within {other}"
-        return f"{self.reobserved} surfaces of {other} were met again, more than {self.gate}"
+        met = many(self.reobserved, f"surface of {other} was", f"surfaces of {other} were")
+        return f"{met} met again, more than {self.gate}"
 
     def _structure(self) -> str:
         """How the two places match."""
         structure = (
-            f"{self.matches} surfaces are the same ({self.left} to the left, {self.right} to "
-            f"the right, {self.share:.0%} of the smaller description)"
+            f"{many(self.matches, 'surface is', 'surfaces are')} the same ({self.left} to the "
+            f"left, {self.right} to the right, {self.share:.0%} of the smaller description)"
         )
         if self.through_doorway:
             return f"{structure}, seen from both sides of a doorway"

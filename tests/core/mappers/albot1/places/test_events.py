@@ -51,6 +51,14 @@ def test_every_event_explains_itself(what):
     assert str(event) == WORDS[what]
 
 
+def test_one_surface_is_told_of_as_one():
+    event = Event(
+        step=7, kind=EventKind.REFUSED, place=2, other=4, reobserved=1, gate=1, matches=1, left=1
+    )
+    told = "P3 is not taken for P5: 1 surface of P5 was met again, more than 1, but only 1 surface"
+    assert f"{told} is the same (1 to the left" in str(event)
+
+
 @pytest.mark.parametrize(
     ("needed", "why"),
     [
