@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_cli.counts import many
+from albot_core.counts import many
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
 from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
 from albot_core.evaluation.trajectory import (

@@ -1,3 +1,0 @@
-"""Counts as text."""
-
-from albot_core.counts import many as many
