@@ -257,7 +257,11 @@ def recorded_sources(
         reference: File of the robot's true poses, if the log has none.
         relations: File of true relations between its poses.
         keep_going: Whether to use the undamaged beginning of a damaged log.
+
+    Raises:
+        InputError: A file is damaged, or reference or relations belong to another log.
     """
+    from albot_cli.map_report import check_moments, score
     from albot_cli.mapper_runs import Source
     from albot_core.evaluation.trajectory import read_relations
     from albot_core.logs.reader import read_reference
@@ -266,4 +270,5 @@ def recorded_sources(
     log = read_log_or_episode(Path(source), keep_going)
     truth = log.reference_trajectory if reference is None else read_reference(reference)
     known = None if relations is None else read_relations(relations)
+    check_moments(log, score(log.odometry_trajectory, truth, known), reference, relations)
     return [Source(log=log, seed=seed, reference=truth, relations=known) for seed in seeds]

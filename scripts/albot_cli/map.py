@@ -11,9 +11,10 @@ from albot_cli.map_report import (
     NO_ODOMETRY,
     RECOGNITION,
     MappingRun,
-    Score,
     as_table,
+    check_moments,
     draw_recognition,
+    is_stamped,
     recognition_figures,
     report,
     run_mapper,
@@ -34,7 +35,6 @@ from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
-from albot_core.logs.log import Log
 from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import save_map
 from albot_core.mappers.mapper import AttractorNetwork, PlaceMemory
@@ -115,7 +115,10 @@ def command(
         raise InputError("--recognition", "a reference of where the robot was", "none")
     true_relations = read_relations(relations) if relations else None
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
-    _check_stamps(recorded, odometry, reference, relations)
+    check_moments(recorded, odometry, reference, relations)
+    if recognition and truth is not None and not is_stamped(recorded, truth):
+        expected = "a reference of where the robot was at every scan"
+        raise InputError("--recognition", expected, "one that lacks some")
     check_sensors(spec, recorded.sensors, recorded.name)
     if recorded.is_odometry_constant:
         click.echo(f"albot: {recorded.name}: {NO_ODOMETRY}", err=True)
@@ -132,19 +135,6 @@ def command(
     if out and figures.get("recognition"):
         figures["files"]["recognition"] = draw_recognition(out, title, figures["recognition"])
     click.echo(json.dumps(figures) if as_json else as_table(figures))
-
-
-def _check_stamps(
-    log: Log, odometry: Score, reference: Path | None, relations: Path | None
-) -> None:
-    """Raise InputError if the reference or the relations belong to another log.
-
-    If part of the log was left out, all relations may concern that part; this is not an error.
-    """
-    if reference and odometry.trajectory is None:
-        raise InputError(reference, f"moments of {log.name}", "stamps of another log")
-    if relations and odometry.relations is None and log.unread is None:
-        raise InputError(relations, f"moments of {log.name}", "stamps of another log")
 
 
 def write_files(

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int64
 
 from albot_core.counts import many
+from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
 from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
 from albot_core.evaluation.trajectory import (
@@ -166,6 +168,25 @@ def score(
     )
 
 
+def check_moments(
+    log: Log, odometry: Score, reference: Path | None, relations: Path | None
+) -> None:
+    """Raise InputError if the reference or the relations belong to another log.
+
+    If part of the log was left out, all relations may concern that part; this is not an error.
+
+    Args:
+        log: The log.
+        odometry: The score of its odometry.
+        reference: File of the reference, if one was given.
+        relations: File of the relations, if one was given.
+    """
+    if reference and odometry.trajectory is None:
+        raise InputError(reference, f"moments of {log.name}", "stamps of another log")
+    if relations and odometry.relations is None and log.unread is None:
+        raise InputError(relations, f"moments of {log.name}", "stamps of another log")
+
+
 def report(
     log: Log, run: MappingRun, mapped: Score, corrected: Score | None, odometry: Score
 ) -> dict[str, Any]:
@@ -173,7 +194,7 @@ def report(
 
     `ate_rmse_m` and `relations` are the errors of the poses estimated online at each scan. Those
     with `corrected_…` are the errors of the poses as estimated at the end, if the mapper corrects
-    earlier poses.
+    earlier poses. `ate_moments` is the number of moments that log and reference have in common.
     """
     scans, snapshot = len(log.readings), run.mapper.snapshot()
     return {
@@ -187,6 +208,7 @@ def report(
         "surfaces": len(surfaces_of(snapshot)),
         "places": len(snapshot.place_graph.nodes) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
+        "ate_moments": mapped.trajectory.count if mapped.trajectory else None,
         "corrected_ate_rmse_m": (
             corrected.trajectory.rmse if corrected and corrected.trajectory else None
         ),
@@ -263,7 +285,10 @@ def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
     rows = []
     mine, its = figures["ate_rmse_m"], figures["odometry_ate_rmse_m"]
     if mine is not None:
-        rows.append(("trajectory error, ATE rmse", f"{mine:.2f} m", f"{its:.2f} m"))
+        # Over a few moments alone it is no error of the log.
+        is_sparse = figures["ate_moments"] < figures["scans"] / 2
+        over = f" over {many(figures['ate_moments'], 'moment')}" if is_sparse else ""
+        rows.append((f"trajectory error, ATE rmse{over}", f"{mine:.2f} m", f"{its:.2f} m"))
     if (corrected := figures["corrected_ate_rmse_m"]) is not None:
         rows.append(("… of the corrected poses", f"{corrected:.2f} m", ""))
     mine, its = figures["relations"], figures["odometry_relations"]
@@ -285,6 +310,18 @@ def _degrees(error: dict[str, int | float]) -> str:
     return f"{error['rotation_mean_deg']:.2f} ± {error['rotation_std_deg']:.2f}°"
 
 
+def is_stamped(log: Log, truth: Trajectory) -> bool:
+    """Return whether a trajectory holds the moments of all scans of a log."""
+    at = _first_moments(log, truth)
+    return bool((np.abs(truth.stamps[at] - log.stamps) <= STAMP_TOLERANCE).all())
+
+
+def _first_moments(log: Log, truth: Trajectory) -> Int64[np.ndarray, "scans"]:
+    """Return the index of the first moment of a trajectory that is not before each scan."""
+    after = np.searchsorted(truth.stamps, log.stamps - STAMP_TOLERANCE)
+    return np.clip(after, 0, len(truth.stamps) - 1)
+
+
 def recognition_figures(
     log: Log, truth: Trajectory | None, believed: Trajectory
 ) -> dict[str, Any] | None:
@@ -294,13 +331,9 @@ def recognition_figures(
     precision. `detection` is the detection rate of near pairs at false-alarm rates 0.00 and 0.01
     over all other pairs.
     """
-    if truth is None:
+    if truth is None or not is_stamped(log, truth):
         return None
-    at = np.clip(
-        np.searchsorted(truth.stamps, log.stamps - STAMP_TOLERANCE), 0, len(truth.stamps) - 1
-    )
-    if (np.abs(truth.stamps[at] - log.stamps) > STAMP_TOLERANCE).any():
-        return None
+    at = _first_moments(log, truth)
     found = measure_recognition(log.readings, truth.poses[at], believed.poses)
     return {
         "queries": found.queries,

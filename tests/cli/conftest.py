@@ -17,6 +17,7 @@ from click.testing import CliRunner, Result
 
 from albot_cli import outputs, progress, train
 from albot_cli.group import albot
+from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import compose
@@ -128,3 +129,9 @@ def figures(result: Result) -> dict[str, Any]:
     parsed = json.loads(result.stdout)
     assert isinstance(parsed, dict)
     return parsed
+
+
+def expect_error(result: Result, *words: str) -> None:
+    assert isinstance(result.exception, InputError)
+    for word in words:
+        assert word in str(result.exception)

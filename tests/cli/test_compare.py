@@ -13,9 +13,11 @@ from albot_cli import mapper_runs
 from albot_cli.comparison_report import FILES, as_markdown, rows_of
 from albot_cli.mapper_runs import MapperChoice, MapperRun, RunResult, Source, no_figures
 from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import Trajectory
+from albot_core.export.tum import write_tum
 from albot_core.logs.reader import read_log
 from albot_core.mappers.registry import MAPPERS, installed_mappers, mapper_spec
-from tests.cli.conftest import figures
+from tests.cli.conftest import expect_error, figures
 
 KEYS = {
     "mapper",
@@ -81,6 +83,16 @@ def test_what_was_not_read_is_said(corridor, call, tmp_path, in_process):
     words = ("compare", path, "--mappers", "odometry", "--keep-going")
     assert "line 21" in figures(call(*words, "--json"))["left_out"]["reason"]
     assert "not read: 1 line, 1 scan (" in call(*words).stdout
+
+
+def test_a_reference_of_another_log_is_named(corridor, call, tmp_path, in_process):
+    path, truth = corridor
+    other, relations = tmp_path / "other.tum", tmp_path / "other.relations"
+    write_tum(Trajectory(stamps=truth.stamps + 1e6, poses=truth.poses), other)
+    relations.write_text("1e6 2e6 0 0 0 0 0 0\n")
+    words = "compare", path, "--mappers", "odometry"
+    expect_error(call(*words, "--reference", other), "other.tum", "stamps of another log")
+    expect_error(call(*words, "--relations", relations), "other.relations", "stamps of another log")
 
 
 def test_an_episode_as_its_mapper_saw_it(episode_file, call, in_process):

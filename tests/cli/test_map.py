@@ -10,11 +10,9 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from click.testing import Result
 from PIL import Image
 
 import albot_cli.map
-from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
 from albot_core.geometry.types import Poses
@@ -23,7 +21,7 @@ from albot_core.mappers.map_file import load_map
 from albot_core.mappers.mapper import Estimate
 from albot_core.mappers.odometry.mapper import OdometryMapper
 from albot_core.mappers.registry import installed_mappers, mapper_names, mapper_spec
-from tests.cli.conftest import FILES, PLACES, figures
+from tests.cli.conftest import FILES, PLACES, expect_error, figures
 
 KEYS = {
     "log",
@@ -187,12 +185,6 @@ def test_all_files_or_none(corridor, call, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["corridor.log"]
 
 
-def expect_error(result: Result, *words: str) -> None:
-    assert isinstance(result.exception, InputError)
-    for word in words:
-        assert word in str(result.exception)
-
-
 def test_bad_input_is_named(corridor, truth_file, call, tmp_path):
     path = corridor[0]
     expect_error(call("map", tmp_path / "none.log"), "none.log: file not found")
@@ -253,6 +245,21 @@ def test_a_reference_of_another_log_is_named(corridor, call, tmp_path):
     relations.write_text("1e6 2e6 0 0 0 0 0 0\n")
     expect_error(call("map", path, "--reference", other), "other.tum", "stamps of another log")
     expect_error(call("map", path, "--relations", relations), "stamps of another log")
+
+
+def test_an_error_over_a_few_moments_says_so(corridor, call, tmp_path):
+    path, truth = corridor
+    few = tmp_path / "few.tum"
+    write_tum(Trajectory(stamps=truth.stamps[:2], poses=truth.poses[:2]), few)
+    words = "map", path, "--mapper", "odometry", "--reference"
+    assert figures(call(*words, few, "--json"))["ate_moments"] == 2
+    assert "trajectory error, ATE rmse over 2 moments " in call(*words, few).stdout
+    whole = tmp_path / "whole.tum"
+    write_tum(truth, whole)
+    assert figures(call(*words, whole, "--json"))["ate_moments"] == len(truth.stamps)
+    assert "moments" not in call(*words, whole).stdout
+    result = call(*words, few, "--recognition")
+    expect_error(result, "--recognition: expected a reference of where the robot was at every scan")
 
 
 def test_a_torn_episode_is_mapped_and_said_to_be_torn(episode_file, call, tmp_path):

@@ -100,15 +100,18 @@ def newest_checkpoint(
     Raises:
         InputError: All checkpoints are damaged.
     """
-    damage: InputError | None = None
+    damaged: list[InputError] = []
     for path in reversed(checkpoints(folder)):
         try:
-            return path, read_checkpoint(path)
+            checkpoint = read_checkpoint(path)
         except InputError as error:
-            warn(f"{error}; continuing from the one before")
-            damage = error
-    if damage is not None:
-        raise damage
+            damaged.append(error)
+            continue
+        for damage in damaged:
+            warn(f"{damage}; continuing from the one before")
+        return path, checkpoint
+    if damaged:
+        raise damaged[-1]
     return None
 
 

@@ -20,6 +20,9 @@ ACTIVATIONS = ("elu", "relu", "tanh")
 DEVICES = ("auto", "cpu", "cuda")
 
 _COUNT = Range("a whole number from 1", 1.0, whole=True)
+_ENVIRONMENTS = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
+MOST_SAMPLES = 10_000_000
+"""Largest number of samples between two updates: they are held in memory."""
 _FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
 _LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
 _LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
@@ -123,17 +126,17 @@ class TrainingPlan:
     n_timesteps: int = 10_000_000
     """Total number of samples."""
     n_envs: int = 1024
-    """Number of environments that are stepped together."""
+    """Number of environments that are stepped together, 100,000 at most."""
     policy: PolicyPlan = field(default_factory=PolicyPlan)
     """The networks."""
     n_steps: int = 32
-    """Steps per environment between two updates."""
+    """Steps per environment between two updates; 10 million samples at most of all together."""
     batch_size: int = 8192
     """Samples per gradient step."""
     n_epochs: int = 4
     """Number of times that each sample is used."""
     learning_rate: float | str = "lin_0.0003"
-    """Learning rate of Adam; a number or a schedule."""
+    """Learning rate of Adam, 1 at most; a number or a schedule."""
     gamma: float = 0.995
     """Discount factor per step."""
     gae_lambda: float = 0.95
@@ -168,10 +171,10 @@ class TrainingPlan:
     another process wait for each other, ten times longer than one thread needs for the work."""
 
     def __post_init__(self) -> None:
-        counts = "n_timesteps", "n_envs", "n_steps", "n_epochs", "checkpoint_every"
-        check_fields(self, _COUNT, *counts)
+        check_fields(self, _COUNT, "n_timesteps", "n_steps", "n_epochs", "checkpoint_every")
+        check_fields(self, _ENVIRONMENTS, "n_envs")
         check_fields(self, _FROM_TWO, "batch_size")
-        check_fields(self, FINITE, "vf_coef")
+        check_fields(self, NOT_NEGATIVE, "vf_coef")
         if self.target_kl is not None:
             check_fields(self, POSITIVE, "target_kl")
         check_fields(self, _FROM_ZERO, "seed")
@@ -184,7 +187,13 @@ class TrainingPlan:
             raise InputError("TrainingPlan.policy", "kind mlp for an LSTM", self.policy.kind)
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
+        rate = self.schedule("learning_rate")
+        if max(rate.first, rate.last) > 1:
+            raise InputError("TrainingPlan.learning_rate", "at most 1", str(self.learning_rate))
         samples = self.n_envs * self.n_steps
+        if samples > MOST_SAMPLES:
+            expected = f"at most {MOST_SAMPLES:,} samples, n_envs × n_steps, between two updates"
+            raise InputError("TrainingPlan.n_steps", expected, f"{samples:,}")
         if samples % self.batch_size:
             expected = f"a divisor of n_envs × n_steps, {samples}"
             raise InputError("TrainingPlan.batch_size", expected, str(self.batch_size))

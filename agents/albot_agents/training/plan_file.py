@@ -12,8 +12,9 @@ from typing import Any
 import gymnasium
 import yaml
 
+from albot_agents.evaluation.plan import parse_seeds, plan_trials
 from albot_agents.task import check_task, read_settings
-from albot_agents.training.plan import StagePlan, TrainingPlan
+from albot_agents.training.plan import EvaluationPlan, StagePlan, TrainingPlan
 from albot_agents.training.plan_check import MEMORY, check_device, check_policy, check_spaces
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -115,7 +116,11 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
     for k, stage in enumerate(plan.curriculum):
         read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
     if plan.evaluation is not None:
-        read_settings(plan.task, plan.evaluation.env, where.at("evaluation", "env"))
+        place = where.at("evaluation", "env")
+        read_settings(plan.task, plan.evaluation.env, place)
+        if "world" in plan.evaluation.env:
+            raise place.at("world").error("worlds in evaluation.worlds alone", "some here")
+        _check_evaluation_worlds(plan.task, plan.evaluation, where.at("evaluation", "worlds"))
     batches = []
     for k, stage in enumerate(plan.stages):
         place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
@@ -129,6 +134,17 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         settings = evaluation_settings(plan, place)
         batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
         check_spaces(batches[0], batch, place)
+
+
+def _check_evaluation_worlds(task: str, evaluation: EvaluationPlan, where: Location) -> None:
+    """Raise InputError for a spec of which the first or the last world cannot be loaded."""
+    seeds = parse_seeds(str(evaluation.seeds))
+    for k, spec in enumerate(evaluation.worlds):
+        try:
+            plan_trials(task, "", (spec,), seeds, {})
+        except InputError as error:
+            place = where.at(k)
+            raise place.error(error.expected, f"{spec!r} ({error.found})") from None
 
 
 def _try_out(

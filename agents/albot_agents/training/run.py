@@ -12,7 +12,12 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.utils.tensorboard import SummaryWriter
 
-from albot_agents.trained.agent_file import AgentFile, TrainingFacts
+from albot_agents.trained.agent_file import (
+    LARGEST_LOG_STD,
+    LARGEST_WEIGHT,
+    AgentFile,
+    TrainingFacts,
+)
 from albot_agents.training.checkpoint import (
     AgentExporter,
     Checkpoint,
@@ -85,7 +90,8 @@ class TrainingRun:
             report: Called with the progress.
 
         Raises:
-            InputError: The disk is full; the last good checkpoint is intact.
+            InputError: The disk is full, or the training diverges; the last good checkpoint is
+                intact.
         """
         stopped, self._report = False, report or self._report
         log = _TensorBoardLog(str(self._folder.tensorboard), self.learner.num_timesteps)
@@ -100,6 +106,10 @@ class TrainingRun:
         except KeyboardInterrupt:
             stopped = True
             self._save()
+        except (ValueError, RuntimeError):
+            # Torch refuses distributions with such weights, in the midst of an update.
+            self._check_weights()
+            raise
         except OSError as error:
             if error.errno not in _DISK_FULL_ERRORS:
                 raise
@@ -126,6 +136,7 @@ class TrainingRun:
     def _between_rollouts(self, last: bool = False) -> None:
         """Change the stage, evaluate and save where due, between two rollouts and at the end."""
         samples = self.learner.num_timesteps
+        self._check_weights()
         self._episode_log.add(self._curriculum.take_rows())
         if self._curriculum.is_over(samples - self._stage_began) and not last:
             self._next_stage()
@@ -135,6 +146,16 @@ class TrainingRun:
         if last or samples - self._saved_at >= self._plan.checkpoint_every:
             self._save()
         self._report(samples, self._progress_note())
+
+    def _check_weights(self) -> None:
+        """Raise InputError if the training has diverged: no agent file may hold such weights."""
+        for name, value in self.learner.policy.state_dict().items():
+            most = LARGEST_LOG_STD if name == "log_std" else LARGEST_WEIGHT
+            if not bool((value.abs() <= most).all()):
+                expected = f"weights within ±{most:g}; a smaller learning_rate may help"
+                samples = f"after {self.learner.num_timesteps:,} samples"
+                found = f"others in {name} {samples}; {self._last_checkpoint()}"
+                raise InputError(self._folder.path, expected, found)
 
     def _next_stage(self) -> None:
         """Continue in the next stage's environments."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.training.checkpoint import newest_checkpoint
+from albot_agents.training.checkpoint import checkpoints, newest_checkpoint
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError, MissingFileError
@@ -110,13 +110,19 @@ class RunFolder:
 
         Raises:
             InputError: The folder holds no run, or one for another task, or one with more samples
-                than `n_timesteps`, or its checkpoints are damaged.
+                than `n_timesteps`, or its checkpoints are damaged or gone.
         """
         if not self.plan.is_file():
             raise InputError(
                 self.path, f"the folder of a training run, with {self.plan.name}", "none"
             )
         plan = read_plan(self.plan, task, n_timesteps=n_timesteps)
+        # Without a checkpoint a run begins anew, as one that was stopped before its first. But an
+        # agent is saved only with a checkpoint.
+        if self.last.exists() and not checkpoints(self.checkpoints):
+            expected = f"the checkpoint of {self.last.name}"
+            raise InputError(self.checkpoints, expected, "none; a new run needs a new folder")
+        make_folder(self.checkpoints)
         if n_timesteps is not None:
             self._check_unreached(n_timesteps)
         for folder in (self.path, self.checkpoints):

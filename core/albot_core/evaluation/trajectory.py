@@ -205,7 +205,8 @@ def read_relations(path: Path) -> Relations:
     Empty lines and lines that begin with `#` are skipped; z, roll and pitch are not used.
 
     Raises:
-        InputError: The file cannot be read, or a line is not eight finite numbers.
+        InputError: The file cannot be read, or a line is not eight finite numbers, or relates a
+            moment to itself.
     """
     rows = []
     text = read_bytes(path).decode("utf-8", "replace")
@@ -232,6 +233,8 @@ def _numbers(words: list[str], path: Path, number: int) -> list[float]:
         raise InputError(path, expected, f"{len(values)} fields", place=f"line {number}")
     if not np.isfinite(values).all():
         raise InputError(path, expected, "NaN or infinity", place=f"line {number}")
+    if values[0] == values[1]:
+        raise InputError(path, "two moments", f"{words[0]} twice", place=f"line {number}")
     return values
 
 

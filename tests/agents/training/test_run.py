@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from gymnasium.spaces import Box
 
 from albot_agents.registry import make_agent
 from albot_agents.trained.agent_file import read_agent
-from albot_agents.training.checkpoint import checkpoints, read_checkpoint, take_checkpoint
+from albot_agents.training.checkpoint import (
+    checkpoints,
+    newest_checkpoint,
+    read_checkpoint,
+    take_checkpoint,
+)
 from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder, free_folder
@@ -241,3 +247,56 @@ def test_a_run_is_not_begun_twice_in_a_folder(trained: Trained, tmp_path: Path) 
     other, _ = begun(tmp_path)
     other.begin(plan, "")  # Nothing has come of it yet.
     assert free_folder(tmp_path, plan).name == "Homing-v0-ppo-2"
+
+
+@pytest.mark.parametrize("moment", ["update", "rollout"])
+def test_a_training_that_diverges_is_one_clear_error(
+    moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, plan = begun(tmp_path)
+    run = TrainingRun(folder, plan)
+    train = run.learner.train
+
+    def diverge() -> None:
+        if moment == "update":
+            train()
+        if run.learner.num_timesteps == 48:
+            with torch.no_grad():
+                run.learner.policy.action_net.weight[0, 0] = float("nan")  # type: ignore[union-attr, operator]
+            if moment == "update":
+                train()
+
+    monkeypatch.setattr(run.learner, "train", diverge)
+    good = r"000000000032\.checkpoint is intact"
+    with pytest.raises(InputError, match=rf"within ±1e\+06; .* action_net.* 48 samples; .*{good}$"):
+        run.run()
+    # What was saved before is whole.
+    assert read_checkpoint(checkpoints(folder.checkpoints)[-1]).samples == 32
+    assert read_agent(folder.last).training.samples == 32
+
+
+def test_a_run_whose_checkpoints_are_gone_does_not_begin_anew(
+    trained: Trained, tmp_path: Path
+) -> None:
+    folder = _again(trained[0], tmp_path)
+    shutil.rmtree(folder.checkpoints)
+    before = folder.monitor.read_bytes()
+    with pytest.raises(InputError, match=r"checkpoints: expected the checkpoint of last\.albot"):
+        folder.resume(TASK)
+    assert folder.monitor.read_bytes() == before
+    # One that was stopped before its first checkpoint does.
+    folder.last.unlink()
+    folder.resume(TASK)
+    assert folder.checkpoints.is_dir()
+
+
+def test_where_no_checkpoint_is_intact_none_is_promised(trained: Trained, tmp_path: Path) -> None:
+    folder, told = _again(trained[0], tmp_path), list[str]()
+    newest, older = reversed(checkpoints(folder.checkpoints))
+    newest.write_bytes(b"bad")
+    assert newest_checkpoint(folder.checkpoints, told.append)
+    assert [text.partition("; ")[2] for text in told] == ["continuing from the one before"]
+    older.write_bytes(b"bad")
+    with pytest.raises(InputError):
+        newest_checkpoint(folder.checkpoints, told.append)
+    assert len(told) == 1

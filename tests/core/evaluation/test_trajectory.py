@@ -249,6 +249,13 @@ def test_relations_of_other_moments_are_not_counted():
     assert relation_error(trajectory(poses), none) is None
 
 
+def test_a_moment_is_not_related_to_itself(tmp_path):
+    path = tmp_path / "run.relations"
+    path.write_text("1 2 0 0 0 0 0 0\n3 3.0 0 0 0 0 0 0\n")
+    with pytest.raises(InputError, match=r"line 2: expected two moments, found 3 twice$"):
+        read_relations(path)
+
+
 def test_reading_relations(tmp_path):
     path = tmp_path / "run.relations"
     path.write_text("# a comment\n\n1.5 2.5 0.1 -0.2 9 8 7 0.3\n2.5 1.5 1 2 0 0 0 -3\n")
