@@ -221,6 +221,12 @@ def test_other_arrays_are_refused(
             "observations of 8 numbers",
         ),
         (("training", "curve"), {"samples": "x"}, "training.curve.samples: expected a list"),
+        (
+            ("training", "curve"),
+            {"samples": [1.0, 2.0], "return": [1.0]},
+            "training.curve: expected lists of one length.*, found 2 in samples, 1 in return",
+        ),
+        (("training", "curve"), {"samples": [1.0]}, "training.curve: .*, found 1 in samples"),
         (("training", "plan", "n_envs"), -1, "training.plan.n_envs: expected a whole number"),
     ],
 )
