@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from albot_cli.outputs import FORCE, check_file
+from albot_cli.outputs import FORCE, check_file, check_suffix
 from albot_cli.path_type import PathType
 
 _FILE = PathType(dir_okay=False)
@@ -52,7 +52,7 @@ def list_agents(as_json: bool) -> None:
     type=_FILE,
     help="Figures to show: evaluation.json of `albot evaluate --out`; repeatable.",
 )
-@click.option("--out", type=_FILE, help="The card.  [default: FILE's name with .md]")
+@click.option("--out", type=_FILE, help="The card, a .md file.  [default: FILE's name with .md]")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def write_agents_card(
@@ -63,6 +63,7 @@ def write_agents_card(
     from albot_agents.trained.card import read_evaluation, write_card
 
     card = out or file.with_suffix(".md")
+    check_suffix(card, ".md", option="--out")
     for path in (card, card.with_suffix(".png")):
         check_file(path, force=force)
     agent = read_agent(file)

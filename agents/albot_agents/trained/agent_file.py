@@ -55,7 +55,7 @@ class TrainingFacts:
     """Versions of the packages."""
     curve: Mapping[str, list[float]] = field(default_factory=dict)
     """Means of the evaluations so far: `samples`, `return` and, if known, `success_rate` and
-    `spl`."""
+    `spl`, all of one length; empty without evaluations."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,6 +148,7 @@ def read_agent(path: Path) -> AgentFile:
     if fields["task"] not in task_names():
         raise where.at("task").error(f"one of {', '.join(task_names())}", fields["task"])
     _check_settings(fields["task"], fields["settings"], fields["network"], where.at("settings"))
+    _check_curve(fields["training"].curve, where.at("training", "curve"))
     _check_weights(path, fields["network"], weights)
     return AgentFile(**fields, weights=weights)
 
@@ -189,6 +190,14 @@ def _check_settings(
     length = sum(math.prod(shape) for shape in observation_config.shapes.values())
     if length != network.inputs:
         raise where.error(f"observations of {network.inputs} numbers", f"{length}")
+
+
+def _check_curve(curve: Mapping[str, list[float]], where: Location) -> None:
+    """Raise InputError unless a learning curve is empty, or can be drawn over its samples."""
+    lengths = {name: len(values) for name, values in curve.items()}
+    if lengths and (len(set(lengths.values())) > 1 or not {"samples", "return"} <= set(lengths)):
+        found = ", ".join(f"{count} in {name}" for name, count in lengths.items())
+        raise where.error("lists of one length, samples and return among them", found)
 
 
 def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:

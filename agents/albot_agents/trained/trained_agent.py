@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
+from jaxtyping import Float32
 
 from albot_agents.agent import Action
 from albot_agents.trained.agent_file import SUFFIX, AgentFile
@@ -67,16 +69,38 @@ class TrainedAgent:
         self._rng = rng
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
-        """Return the mean action, the most probable discrete action, or a sampled action."""
-        if isinstance(observation, dict):
-            parts = self._observation_config.shapes
-            observation = np.concatenate([observation[part].ravel() for part in parts])
-        answer = self._network(np.asarray(observation, np.float32))
+        """Return the mean action, the most probable discrete action, or a sampled action.
+
+        Raises:
+            InputError: The observation has other parts or another shape than the environment's, or
+                is not finite.
+        """
+        answer = self._network(self._flat(observation))
         if self._file.discrete:
             return np.int64(np.argmax(answer))
         if self._file.network.sampled:
             answer = self._network.sample(answer, self._rng)
         return np.asarray(np.clip(answer, -1, 1))
+
+    def _flat(self, observation: Any) -> Float32[np.ndarray, "inputs"]:
+        """Return an observation as the network's inputs."""
+        if isinstance(observation, dict):
+            shapes = self._observation_config.shapes
+            found = {part: np.shape(observation[part]) for part in shapes if part in observation}
+            if found != shapes:
+                raise InputError(self.name, f"observations with {_told(shapes)}", _told(found))
+            observation = np.concatenate([np.ravel(observation[part]) for part in shapes])
+        inputs = self._file.network.inputs
+        expected = f"observations of {inputs} finite numbers"
+        try:
+            row = np.asarray(observation, np.float32)
+        except (TypeError, ValueError):
+            raise InputError(self.name, expected, reprlib.repr(observation)) from None
+        if row.shape != (inputs,):
+            raise InputError(self.name, expected, f"the shape {row.shape}")
+        if not np.isfinite(row).all():
+            raise InputError(self.name, expected, "NaN or infinity")
+        return row
 
     def _check_observations(self) -> None:
         """Raise InputError if the observations do not fit the network."""
@@ -87,6 +111,10 @@ class TrainedAgent:
         if length != network.inputs:
             expected = f"observations of {network.inputs} numbers"
             raise InputError(self.name, expected, f"{length}")
+
+
+def _told(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    return ", ".join(f"{part} {shape}" for part, shape in shapes.items()) or "none of them"
 
 
 def shipped_agents() -> dict[str, Path]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar, get_type_hints
+from typing import Any, TypedDict, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
@@ -99,13 +101,32 @@ def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
     """Return a task's configuration; the default one if none is given.
 
     Raises:
-        InputError: `config` is of another class.
+        InputError: `config`, or a configuration within it, is of another class.
     """
     if config is None:
         return kind()
     if not isinstance(config, kind):
         raise InputError(environment, f"{kind.__name__} or None", repr(config)[:80], place="config")
+    _check_nested(config)
     return config
+
+
+def _check_nested(config: Any) -> None:
+    """Raise InputError if a configuration within another one is of another class."""
+    hints = get_type_hints(type(config))
+    for each in dataclasses.fields(config):
+        hint, value = hints[each.name], getattr(config, each.name)
+        kinds = get_args(hint) or (hint,)
+        if not any(dataclasses.is_dataclass(kind) for kind in kinds):
+            continue
+        if not isinstance(value, kinds):
+            expected = " or ".join(
+                "None" if kind is type(None) else kind.__name__ for kind in kinds
+            )
+            found = f"a {type(value).__name__}, {reprlib.repr(value)}"
+            raise InputError(f"{type(config).__name__}.{each.name}", expected, found)
+        if value is not None:
+            _check_nested(value)
 
 
 @dataclass(frozen=True, kw_only=True)

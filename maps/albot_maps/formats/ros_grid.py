@@ -207,12 +207,15 @@ def _describe(document: YamlDocument, path: Path) -> _Description:
         raise fields.error("mode", "trinary or scale")
     if document.data.get("negate") not in {0, 1}:
         raise fields.error("negate", "0 or 1")
+    occupied_above, free_below = fields.share("occupied_thresh"), fields.share("free_thresh")
+    if free_below > occupied_above:  # A cell could be both.
+        raise fields.error("free_thresh", f"at most occupied_thresh, {occupied_above:g}")
     return _Description(
         picture=fields.picture(),
         resolution=resolution,
         origin=np.array([x, y, yaw]),
-        occupied_above=fields.share("occupied_thresh"),
-        free_below=fields.share("free_thresh"),
+        occupied_above=occupied_above,
+        free_below=free_below,
         negate=bool(document.data["negate"]),
     )
 
@@ -248,10 +251,10 @@ class _Fields:
         if not isinstance(name, str):
             raise self.error("image", "the name of a picture")
         path = self._path.parent / name
-        zipped = path.with_name(f"{path.name}.gz")
-        if not exists(path) and not exists(zipped):
-            raise self.error("image", "a picture that exists")
-        return path if exists(path) else zipped
+        for choice in (path, path.parent / f"{path.name}.gz"):
+            if exists(choice) and not choice.is_dir():
+                return choice
+        raise self.error("image", "a picture that exists")
 
     def error(self, key: str, expected: str) -> InputError:
         """Return the error for an invalid value at `key`."""

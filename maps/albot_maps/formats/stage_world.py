@@ -157,6 +157,8 @@ class _Solid:
         if not exists(picture) and exists(beside):
             self.notes.append(f"{name} is missing; used {beside.name}")
             picture = beside
+        if not exists(picture) or picture.is_dir():
+            raise self._error("a picture that exists", repr(name), "bitmap")
         dark = read_shades(picture)[::-1] < _DARK
         if not dark.any():
             raise InputError(picture, "at least one dark pixel", "none")
@@ -181,8 +183,9 @@ class _Solid:
             raise self._error(expected, str(row))
         return np.array(row, dtype=np.float64)
 
-    def _error(self, expected: str, found: str) -> InputError:
-        return InputError(self._model.path, expected, found, place=f"line {self._model.line}")
+    def _error(self, expected: str, found: str, key: str = "") -> InputError:
+        place = f"line {self._model.line}" + (f", {key}" if key else "")
+        return InputError(self._model.path, expected, found, place=place)
 
 
 def _all_numbers(rows: list[list[str | float]]) -> bool:
@@ -227,12 +230,15 @@ class StageText:
         parser = _Parser(path)
         while (token := parser.next()) is not None:
             if token.text == "include" and token.kind == "word":
-                name = parser.expect("text", "the name of a file").text
+                _, name, line = parser.expect("text", "the name of a file")
                 included = path.parent / name
-                if exists(included):
-                    self.read(included, depth + 1)
-                else:
+                if not exists(included):
                     self.missing.append(name)
+                elif included.is_dir():
+                    place = f"line {line}, include"
+                    raise InputError(path, "a file, not a folder", repr(name), place=place)
+                else:
+                    self.read(included, depth + 1)
             elif token.text == "define" and token.kind == "word":
                 name = parser.expect("word", "a name").text
                 self.defined[name] = parser.model(parser.expect("word", "a type"))

@@ -118,6 +118,33 @@ def test_what_differs_is_said(path: Path) -> None:
     agent.reset(rng, Box(-1, 1, (3,), np.float32))
 
 
+@pytest.mark.parametrize(
+    ("observation", "found"),
+    [
+        (np.zeros(3), r"8 finite numbers, found the shape \(3,\)"),
+        (np.zeros((2, 8)), r"8 finite numbers, found the shape \(2, 8\)"),
+        (None, r"8 finite numbers, found the shape \(\)"),
+        ("left", "8 finite numbers, found 'left'"),
+        (np.full(8, np.nan), "8 finite numbers, found NaN or infinity"),
+        (
+            {"laser": np.zeros(5)},
+            r"observations with laser \(5,\), home \(3,\), found laser \(5,\)$",
+        ),
+        ({"laser": np.zeros(6), "home": np.zeros(2)}, r"found laser \(6,\), home \(2,\)"),
+        ({}, "found none of them"),
+    ],
+)
+def test_what_is_no_observation_of_its_environment_is_refused(
+    path: Path, observation: Any, found: str
+) -> None:
+    agent = make_agent(str(path), SEEN)
+    agent.reset(np.random.default_rng(0), Box(-1, 1, (3,), np.float32))
+    with pytest.raises(InputError, match=found) as caught:
+        agent.act(observation, {})
+    assert caught.value.source == str(path)
+    assert np.isfinite(agent.act(np.zeros(8), {})).all()
+
+
 def test_what_it_never_learnt_to_act_with_is_said(path: Path) -> None:
     entry = find_agent(str(path))
     assert (
@@ -221,6 +248,12 @@ def test_other_arrays_are_refused(
             "observations of 8 numbers",
         ),
         (("training", "curve"), {"samples": "x"}, "training.curve.samples: expected a list"),
+        (
+            ("training", "curve"),
+            {"samples": [1.0, 2.0], "return": [1.0]},
+            "training.curve: expected lists of one length.*, found 2 in samples, 1 in return",
+        ),
+        (("training", "curve"), {"samples": [1.0]}, "training.curve: .*, found 1 in samples"),
         (("training", "plan", "n_envs"), -1, "training.plan.n_envs: expected a whole number"),
     ],
 )

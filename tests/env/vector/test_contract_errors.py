@@ -86,6 +86,8 @@ OTHER_KINDS = """
 import gymnasium
 from albot_core.errors import InputError
 from albot_core.sensing.reading import LaserGeometry
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.explore.task import ExploreConfig
 from albot_env.tasks.homing.task import HomingConfig
 
 def batch(name="Albot/Explore-v0", **settings):
@@ -97,6 +99,10 @@ for make in (
     lambda: batch(world=[]),
     lambda: batch(config=HomingConfig()),
     lambda: batch(config={}),
+    lambda: batch(config=ExploreConfig(weights={"coverage": 1})),
+    lambda: batch(config=ExploreConfig(observations="x")),
+    lambda: batch(config=ExploreConfig(observations=ObservationConfig(sonar=3))),
+    lambda: batch("Albot/Homing-v0", config=HomingConfig(outing=None)),
     lambda: batch(movables="yes"),
     lambda: batch(laser=["lms-200"]),
     lambda: batch(world={}),
@@ -119,6 +125,10 @@ REFUSED = (
     "world: expected 2 worlds, found 0",
     "config: expected ExploreConfig or None, found HomingConfig(",
     "config: expected ExploreConfig or None, found {}",
+    "ExploreConfig.weights: expected ExploreWeights, found a dict, {'coverage': 1}",
+    "ExploreConfig.observations: expected ObservationConfig, found a str, 'x'",
+    "ObservationConfig.sonar: expected SonarGeometry or None, found a int, 3",
+    "HomingConfig.outing: expected OutwardJourneyConfig, found a NoneType, None",
     "movables: expected True or False, found 'yes'",
     "laser: expected one of none, ideal, lms-200, lms-200-fine, long, short, found ['lms-200']",
     "environment 0, world: expected a world, a set of worlds, or a spec of them, found {}",

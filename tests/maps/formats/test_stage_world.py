@@ -27,6 +27,7 @@ crate ( pose [1 2 0 90] )
 robot ( pose [0 0 0 0] name "r0" )
 chair ( pose [0 0 0 0] )
 """
+PLACE = "a.world, line 2, bitmap: expected"
 
 
 @pytest.fixture
@@ -106,11 +107,16 @@ def test_the_bitmap_may_lie_beside_the_file(folder):
         ("\n; 3", "line 2: expected Stage's syntax, found ';'"),
         ("3", "line 1: expected a model or a property, found '3'"),
         ("define a b 3", "line 1: expected (, found '3'"),
-        ("include 3", "line 1: expected the name of a file"),
         ("model ( size [1 a] )", "line 1: expected size with 2 or 3 numbers"),
         ("model ( size [-1 1] )", "line 1: expected a size larger than 0"),
         ("model ( pose [1 2] )", "line 1: expected pose with 3 or 4 numbers"),
-        ('floorplan ( bitmap "no.png" )', "no.png: file not found"),
+        ("include 3", "line 1: expected the name of a file"),
+        ('\ninclude "."', "a.world, line 2, include: expected a file, not a folder, found '.'"),
+        ('include ""', "a.world, line 1, include: expected a file, not a folder, found ''"),
+        *(
+            (f'\nfloorplan ( bitmap "{name}" )', f"{PLACE} a picture that exists, found '{name}'")
+            for name in ("no.png", "", ".", "bitmaps")
+        ),
         ('floorplan ( bitmap "a.world" )', "a.world: expected an intact PGM or PNG image"),
         ("model ( block ( points 1 point[0] [0 0] ) )", "line 1: expected 3 points or more"),
         ("model ( size [0.3 0.3] )", "expected walls that enclose a robot"),
