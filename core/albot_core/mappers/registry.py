@@ -213,6 +213,8 @@ def mapper_spec(name: str) -> MapperSpec:
     if colon:
         try:
             importlib.import_module(module)
+        except InputError:  # The module's own.
+            raise
         except (ImportError, SyntaxError, TypeError, ValueError) as error:
             # For an empty or a relative name importlib raises the last two.
             expected = "a module that can be imported before the colon"
