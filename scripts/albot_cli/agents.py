@@ -10,6 +10,7 @@ import click
 
 from albot_cli.outputs import FORCE, check_file, check_suffix
 from albot_cli.path_type import PathType
+from albot_core.errors import InputError
 
 _FILE = PathType(dir_okay=False)
 
@@ -65,6 +66,8 @@ def write_agents_card(
     card = out or file.with_suffix(".md")
     check_suffix(card, ".md", option="--out")
     for path in (card, card.with_suffix(".png")):
+        if path.resolve() == file.resolve():
+            raise InputError("--out", "another file than the agent's", str(path))
         check_file(path, force=force)
     agent = read_agent(file)
     figures = [read_evaluation(path, agent) for path in evaluations]

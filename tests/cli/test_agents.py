@@ -21,3 +21,14 @@ def test_a_card_of_another_name_than_md_is_refused(tmp_path: Path, name: str) ->
         CliRunner().invoke(albot, words, catch_exceptions=False)
     assert str(tmp_path / name) in str(e.value)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a.md", "a.png"])
+def test_a_card_does_not_overwrite_its_agent(tmp_path: Path, name: str) -> None:
+    agent = tmp_path / name
+    agent.write_bytes(shipped_agents()["homing"].read_bytes())
+    before = agent.read_bytes()
+    with pytest.raises(InputError, match=r"^--out: expected another file than the agent's"):
+        CliRunner().invoke(albot, ["agents", "card", str(agent), "--force"], catch_exceptions=False)
+    assert agent.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [agent]

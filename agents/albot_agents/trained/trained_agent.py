@@ -43,6 +43,7 @@ class TrainedAgent:
         self._file = file
         self._observation_config = observation_config
         self._network = Network(file.network, file.weights)
+        self._rng = np.random.default_rng(0)  # Until the first reset.
         trained = file.observation_config
         differing = (
             [] if trained is None else differences(to_plain(observation_config), to_plain(trained))
@@ -86,7 +87,14 @@ class TrainedAgent:
         """Return an observation as the network's inputs."""
         if isinstance(observation, dict):
             shapes = self._observation_config.shapes
-            found = {part: np.shape(observation[part]) for part in shapes if part in observation}
+            try:
+                found = {
+                    part: np.shape(observation[part]) for part in shapes if part in observation
+                }
+            except ValueError:  # Lists of unequal length.
+                raise InputError(
+                    self.name, f"observations with {_told(shapes)}", reprlib.repr(observation)
+                ) from None
             if found != shapes:
                 raise InputError(self.name, f"observations with {_told(shapes)}", _told(found))
             observation = np.concatenate([np.ravel(observation[part]) for part in shapes])

@@ -132,6 +132,7 @@ def test_what_differs_is_said(path: Path) -> None:
         ),
         ({"laser": np.zeros(6), "home": np.zeros(2)}, r"found laser \(6,\), home \(2,\)"),
         ({}, "found none of them"),
+        ({"laser": [[0.0], [0.0, 1.0]], "home": np.zeros(3)}, "home .*, found {'home'"),
     ],
 )
 def test_what_is_no_observation_of_its_environment_is_refused(
