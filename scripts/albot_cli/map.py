@@ -111,14 +111,13 @@ def command(
         check_folder(out, FILES, force=force)
     recorded = read_log_or_episode(log, keep_going)
     truth = read_reference(reference) if reference else recorded.reference_trajectory
-    if recognition and truth is None:
-        raise InputError("--recognition", "a reference of where the robot was", "none")
     true_relations = read_relations(relations) if relations else None
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
     check_moments(recorded, odometry, reference, relations)
-    if recognition and truth is not None and not is_stamped(recorded, truth):
+    known = truth if truth is not None and is_stamped(recorded, truth) else None
+    if recognition and known is None:
         expected = "a reference of where the robot was at every scan"
-        raise InputError("--recognition", expected, "one that lacks some")
+        raise InputError("--recognition", expected, "none" if truth is None else "one with fewer")
     check_sensors(spec, recorded.sensors, recorded.name)
     if recorded.is_odometry_constant:
         click.echo(f"albot: {recorded.name}: {NO_ODOMETRY}", err=True)
@@ -128,8 +127,8 @@ def command(
     mapped = score(run.believed, truth, true_relations)
     corrected = None if run.corrected is None else score(run.corrected, truth, true_relations)
     figures = report(recorded, run, mapped, corrected, odometry)
-    if recognition:
-        figures["recognition"] = recognition_figures(recorded, truth, run.believed)
+    if recognition and known is not None:
+        figures["recognition"] = recognition_figures(recorded, known, run.believed)
     title = f"{mapper} on {recorded.name}"
     figures["files"] = write_files(out, title, run, truth) if out else None
     if out and figures.get("recognition"):

@@ -133,7 +133,7 @@ def test_an_exit_may_lie_anywhere_in_a_thick_wall(at, rooms, turn):
     turned = np.array([[cos, sin], [-sin, cos]])
     walls = np.concatenate((SQUARE, [[3, 0, 3, 1.5], [3, 2.5, 3, 4], [3.9, 0, 3.9, 1.5]]))
     far = EAST.boundary + np.where(EAST.boundary[:, :1] == 3, (0.9, 0), 0)
-    make(
+    world = make(
         walls=(walls.reshape(-1, 2) @ turned).reshape(-1, 4),
         starts=np.array([[*(START[0, :2] @ turned), 0]]),
         rooms=(
@@ -148,6 +148,7 @@ def test_an_exit_may_lie_anywhere_in_a_thick_wall(at, rooms, turn):
             ),
         ),
     )
+    assert [opening.rooms for opening in world.exits] == [rooms]
 
 
 def test_a_room_is_reachable_only_where_the_robot_stands_wholly_inside():

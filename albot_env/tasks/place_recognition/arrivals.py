@@ -172,10 +172,11 @@ class PlaceDatabase:
         place = 0.0
         memory = self._mapper
         if memory is not None and isinstance(memory, PlaceMemory):
-            places = [memory.place_at(arrival.reading) for arrival in (here, there)]
-            for arrival, id_there in zip((here, there), places, strict=True):
-                check_place(id_there, memory.spec, arrival.reading)
-            place = 1.0 if places[0] == places[1] else -1.0
+            ids = []
+            for arrival in (here, there):
+                ids.append(memory.place_at(arrival.reading))
+                check_place(ids[-1], memory.spec, arrival.reading)
+            place = 1.0 if ids[0] == ids[1] else -1.0
         numbers = (
             _logarithmic(float(np.hypot(*apart[:2])), 1.0, FARTHEST),
             2 * found.agreed - 1,

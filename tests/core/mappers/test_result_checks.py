@@ -161,6 +161,7 @@ def test_corrected_poses_are_three_finite_numbers_a_reading(poses, found):
 
 def test_where_the_mapper_is_right_nothing_is_said(batch):
     follow(batch, 10)
+    assert batch.updates.tolist() == [1]
 
 
 @pytest.mark.parametrize(
