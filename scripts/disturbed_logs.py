@@ -39,6 +39,8 @@ LOGS = {
 """The logs of the data folder, and the files of their references."""
 DEVELOPED_ON = ("intel", "wean1", "wean2")
 """The logs on which the mappers' values were set; the others are for the test."""
+POOLED = ("turns", "lengths", "beams", "views", "range")
+"""The disturbances whose runs also count as one sample; `all` applies them together."""
 SAME = 1e-3
 """Errors that differ by no more than this (m) are the same."""
 
@@ -78,6 +80,14 @@ def measure(log: Log, truth: Trajectory, mapper: str, runs: int) -> list[dict[st
     return rows
 
 
+def pooled(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """A row of the runs of all `POOLED` disturbances, taken as one sample."""
+    chosen = [row for row in rows if row["disturbance"] in POOLED]
+    keys = "ate_m", "odometer_ate_m"
+    errors = {key: [error for row in chosen for error in row[key]] for key in keys}
+    return {"disturbance": "pooled", **errors}
+
+
 def table(measured: dict[str, Any]) -> str:
     """The figures as a table in Markdown."""
     lines = [
@@ -87,7 +97,7 @@ def table(measured: dict[str, Any]) -> str:
     ]
     for name, found in measured["logs"].items():
         base = np.array(found["rows"][0]["ate_m"])
-        for row in found["rows"]:
+        for row in [*found["rows"], pooled(found["rows"])]:
             errors, odometers = np.array(row["ate_m"]), np.array(row["odometer_ate_m"])
             worse = int((errors > odometers + SAME).sum())
             ratio = f"{np.median(errors) / np.median(base):.2f}"
@@ -117,8 +127,9 @@ def page(measured: dict[str, Any], command: str) -> str:
         "turns are off by up to 25°, lengths by up to a tenth. `beams`: every second beam. "
         "`views`: every third reading is left out. `range`: the laser sees 8 m. `fine`: a beam "
         "between any two, and turns off by up to 24°. `frozen`: the odometer reports no motion. "
-        "`all`: turns, lengths, beams, views and range together. Beside each ratio of medians "
-        "stands its 95 % interval (bootstrap).\n\n"
+        f"`all`: {', '.join(POOLED[:-1])} and {POOLED[-1]} together; `pooled`: the runs of these "
+        "five, each disturbed in one way, as one sample. Beside each ratio of medians stands its "
+        "95 % interval (bootstrap).\n\n"
         f"Values of `albot1` and `association` were set on {', '.join(DEVELOPED_ON)}; the errors "
         "on the other logs, which are for the test, were watched meanwhile. Wean Hall's and "
         "Duke's logs have no reference: the error is that against the path that `graph-slam` makes "

@@ -16,11 +16,18 @@ from disturbed_logs import main, table
 def test_errors_are_told_by_those_of_the_undisturbed_log() -> None:
     noise = {"disturbance": "noise", "ate_m": [0.1, 0.2, 0.3], "odometer_ate_m": [2.0, 2.0, 2.0]}
     turns = {"disturbance": "turns", "ate_m": [0.5, 0.5, 9.0], "odometer_ate_m": [4.0, 5.0, 6.0]}
-    rows = table({"logs": {"duke": {"rows": [noise, turns]}}}).splitlines()[2:]
+    beams = {"disturbance": "beams", "ate_m": [0.1, 0.1, 0.1], "odometer_ate_m": [2.0, 2.0, 2.0]}
+    frozen = {"disturbance": "frozen", "ate_m": [9.0] * 3, "odometer_ate_m": [9.0] * 3}
+    found = {"rows": [noise, turns, beams, frozen]}
+    rows = table({"logs": {"duke": found}}).splitlines()[2:]
     assert rows == [
         "| duke | noise | 0.20 m | 0.10-0.30 m | 1.00 | 2.00 m | 0 of 3 |",
         # Among its resamples are those of only 0.5 m or 9 m, by 0.3 m or 0.1 m.
         "| duke | turns | 0.50 m | 0.50-9.00 m | 2.50 (1.67-90.00) | 5.00 m | 1 of 3 |",
+        "| duke | beams | 0.10 m | 0.10-0.10 m | 0.50 (0.33-1.00) | 2.00 m | 0 of 3 |",
+        "| duke | frozen | 9.00 m | 9.00-9.00 m | 45.00 (30.00-90.00) | 9.00 m | 0 of 3 |",
+        # Turns and beams together, without the frozen odometer. Half of six drawn may be 9 m.
+        "| duke | pooled | 0.30 m | 0.10-9.00 m | 1.50 (0.33-23.75) | 3.00 m | 1 of 6 |",
     ]
 
 
