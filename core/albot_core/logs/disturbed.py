@@ -10,10 +10,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.logs.log import Log, with_noise
+from albot_core.sensing.reading import LaserGeometry
 
 TURN_SCALE, TURN_FREEDOM = np.radians(4.0), 2
 """Scale (rad) and degrees of freedom of the error of a turn, which follows Student's t: one turn in
@@ -28,6 +30,9 @@ FINE_TURN = np.radians(24.0)
 """Largest error of a turn (rad) with the finer laser."""
 SAME_WALL = 0.3
 """Neighbouring ranges that differ by less (m) are of one wall: a beam between them meets it too."""
+STRAIGHT = 0.05
+"""So are points, however far apart, that lie no farther than this (m) from the straight line
+through their neighbours: of a wall that the beams meet at a grazing angle."""
 NEAR = 8.0
 """Range of the near-sighted laser (m)."""
 
@@ -109,7 +114,7 @@ def with_a_fine_laser(log: Log, rng: np.random.Generator) -> Log:
     """Return a copy of the log with a beam between any two, and turns off by up to 24°.
 
     A beam between two that meet one wall meets it where the straight line between their points
-    runs; any other measures what its predecessor does.
+    runs; any other measures the nearer of the two, for a beam is wide.
 
     Raises:
         InputError: The log has no laser.
@@ -118,14 +123,34 @@ def with_a_fine_laser(log: Log, rng: np.random.Generator) -> Log:
         raise InputError(log.name, "a laser", "none")
     first, last = log.ranges[:, :-1], log.ranges[:, 1:]
     with np.errstate(invalid="ignore"):
-        is_wall = np.abs(first - last) < SAME_WALL
+        is_wall = (np.abs(first - last) < SAME_WALL) | _are_straight(log.ranges, log.geometry)
         on_line = 2 * np.cos(log.geometry.spacing / 2) * first * last / (first + last)
     ranges = np.empty((len(first), 2 * first.shape[1] + 1))
-    ranges[:, ::2], ranges[:, 1::2] = log.ranges, np.where(is_wall, on_line, first)
+    ranges[:, ::2], ranges[:, 1::2] = (
+        log.ranges,
+        np.where(is_wall, on_line, np.minimum(first, last)),
+    )
     geometry = replace(log.geometry, beams=ranges.shape[1], spacing=log.geometry.spacing / 2)
     motions = relative(log.odometry[:-1], log.odometry[1:])
     motions[:, 2] += rng.uniform(-FINE_TURN, FINE_TURN, len(motions))
     return _with_motions(replace(log, ranges=ranges, geometry=geometry), motions)
+
+
+def _are_straight(
+    ranges: Float64[np.ndarray, "readings beams"], geometry: LaserGeometry
+) -> Bool[np.ndarray, "readings gaps"]:
+    """Whether each pair of neighbouring points lies on one straight wall.
+
+    Either of the two is within `STRAIGHT` of the line through the other and the point beyond it.
+    """
+    run = np.diff(ranges[..., None] * geometry.directions, axis=1)
+    is_straight = np.zeros(run.shape[:2], np.bool_)
+    between = run[:, 1:-1]
+    is_straight[:, 1:-1] = True
+    for beyond in (run[:, :-2], run[:, 2:]):
+        across = beyond[..., 0] * between[..., 1] - beyond[..., 1] * between[..., 0]
+        is_straight[:, 1:-1] &= np.abs(across) < STRAIGHT * np.hypot(beyond[..., 0], beyond[..., 1])
+    return is_straight
 
 
 def with_a_frozen_odometer(log: Log, _: np.random.Generator) -> Log:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -121,7 +123,27 @@ def test_a_beam_between_two_lies_on_their_wall() -> None:
     assert fine.geometry.bearings[::2] == pytest.approx(geometry.bearings)
     on_wall = 2.0 / np.cos(fine.geometry.bearings)
     assert fine.ranges[0, :5] == pytest.approx(on_wall[:5])
-    assert fine.ranges[0, 5] == fine.ranges[0, 4]  # At the break it is the beam before's.
+    assert fine.ranges[0, 5] == fine.ranges[0, 4]  # At the break it is that of the nearer wall.
+    mirrored = replace(log, ranges=ranges[:, ::-1])
+    fine = with_a_fine_laser(mirrored, np.random.default_rng(0))
+    assert fine.ranges is not None
+    assert fine.ranges[0, 3] == fine.ranges[0, 4]
+
+
+def test_a_beam_between_two_lies_on_a_wall_that_runs_away() -> None:
+    # A wall 1 m to the right, met at 80° first and at 4° last. The seventh beam sees past a door.
+    geometry = LaserGeometry(beams=20, spacing=np.radians(4.0), first_bearing=np.radians(-80.0))
+    wall = -1.0 / np.sin(geometry.bearings)
+    ranges = np.tile(np.where(np.arange(20) == 6, 9.0, wall), (2, 1))
+    stamps, odometry = np.arange(2.0), np.zeros((2, 3))
+    log = Log(name="wall", geometry=geometry, stamps=stamps, ranges=ranges, odometry=odometry)
+    fine = with_a_fine_laser(log, np.random.default_rng(0))
+    assert fine.geometry is not None and fine.ranges is not None
+    expected = -1.0 / np.sin(fine.geometry.bearings)
+    expected[11:14] = wall[5], 9.0, wall[7]
+    # Between the last two, whose ranges differ by 7 m, no third point tells that they are one wall.
+    expected[37] = wall[18]
+    np.testing.assert_allclose(fine.ranges[0], expected)
 
 
 def test_a_frozen_odometer_reports_no_motion(log: Log) -> None:
