@@ -106,6 +106,11 @@ class BatchSimulator:
         return self._sensors.outputs.ranges
 
     @property
+    def true_ranges(self) -> Float64[np.ndarray, "robots beams"]:
+        """Distances of what the beams met at the last sensing (m); infinite beyond their range."""
+        return self._sensors.outputs.true_ranges
+
+    @property
     def echoes(self) -> Float64[np.ndarray, "robots sonars"]:
         """Ranges of the sonars at the last sensing (m); infinite where no echo came back."""
         return self._sensors.outputs.echoes

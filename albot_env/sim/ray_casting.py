@@ -285,20 +285,24 @@ def _raise_grazing(rays: np.ndarray, directions: np.ndarray, walls: np.ndarray, 
 
 
 @kernel()
-def add_range_errors(
-    ranges: np.ndarray,
+def measure_ranges(
+    met: np.ndarray,
     key: np.uint64,
     counter: int,
     normals: np.ndarray,
     dropout: int,
     max_range: float,
     bits: np.ndarray,
+    ranges: np.ndarray,
 ) -> None:
-    """Turn true `ranges` (m) into measured ones; `bits` (beams,) is a scratch buffer."""
+    """Write the ranges that beams measure of what they have `met` at true ranges (m).
+
+    `bits` (beams,) is a scratch buffer.
+    """
     for k in range(ranges.shape[0]):
         bits[k] = draw(key, counter + k)
     for k in range(ranges.shape[0]):
-        ranges[k] += load_element(normals, bits[k] >> np.uint64(52))
+        ranges[k] = met[k] + load_element(normals, bits[k] >> np.uint64(52))
     for k in range(ranges.shape[0]):
         reach = max(ranges[k], 0.0)
         lost = np.int64(bits[k] & np.uint64(0xFFFFFFFF)) < dropout

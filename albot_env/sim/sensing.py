@@ -25,8 +25,8 @@ from albot_env.sim.plane_geometry import transform_of
 from albot_env.sim.ray_casting import (
     BeamGeometry,
     ScanBuffers,
-    add_range_errors,
     make_scan_buffers,
+    measure_ranges,
     scan,
 )
 from albot_env.sim.scenes import SCENE_DRAWS, SceneConstants, recognise_scene
@@ -71,6 +71,7 @@ class SensorSuite:
             laser_cells=np.zeros(count, np.int64),
             sonar_cells=np.zeros(count, np.int64),
             motions=np.zeros((count, 3)),
+            true_ranges=np.full((count, laser.geometry.beams), np.inf),
             ranges=np.full((count, laser.geometry.beams), np.inf),
             echoes=np.full((count, len(self._constants.sonars.mounts)), np.inf),
             scenes=np.full(count, -1),
@@ -203,6 +204,8 @@ class SensorOutputs(NamedTuple):
     """(n,) int64: cell of each robot in the sonars' wall index."""
     motions: np.ndarray
     """(n, 3) float64: motions measured by the odometers: x, y, heading (m, rad)."""
+    true_ranges: np.ndarray
+    """(n, beams) float64: distances of what the lasers' beams meet (m); infinite beyond range."""
     ranges: np.ndarray
     """(n, beams) float64: ranges of the lasers (m)."""
     echoes: np.ndarray
@@ -247,10 +250,11 @@ def _sense_all(
         counter = reading * draws
         read_odometer(counts[i], constants.odometer, key, counter, outputs.motions[i])
 
-        ranges, cell, obstacles = outputs.ranges[i], outputs.laser_cells[i], world.obstacles
-        scan(beams, world.laser_walls, cell, obstacles, first, last, robot, scan_buffers, ranges)
+        met, cell, obstacles = outputs.true_ranges[i], outputs.laser_cells[i], world.obstacles
+        scan(beams, world.laser_walls, cell, obstacles, first, last, robot, scan_buffers, met)
         errors = constants.normals, constants.dropout, beams.max_range
-        add_range_errors(ranges, key, counter + ODOMETER_DRAWS, *errors, scan_buffers.bits)
+        noise = key, counter + ODOMETER_DRAWS
+        measure_ranges(met, *noise, *errors, scan_buffers.bits, outputs.ranges[i])
 
         if count > 0:
             start, end = sonar_walls.spans[outputs.sonar_cells[i]]

@@ -135,10 +135,13 @@ def _observe_robots(
 def _cover_truly(
     i: int, covered: CoverageGrid, sensor: CoverageSensor, state: BatchState, progress: Progress
 ) -> None:
-    """Mark the ground that robot i truly sees within the coverage radius."""
+    """Mark the ground that robot i truly sees within the coverage radius.
+
+    Measured ranges would not do: past a wall that a beam missed (a drop-out) nothing is seen.
+    """
     pose = state.poses[i]
     turn = math.cos(pose[2]), math.sin(pose[2])
-    new = cover(covered, i, pose, turn, sensor, state.ranges[i])
+    new = cover(covered, i, pose, turn, sensor, state.true_ranges[i])
     progress.new_ground[i] = new
     progress.ground[i] += new
 

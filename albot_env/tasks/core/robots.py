@@ -114,6 +114,7 @@ class BatchedRobots:
             places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
             homes=np.zeros((robots, 3)),
             motions=self._simulator.motions,
+            true_ranges=self._simulator.true_ranges,
             ranges=self._simulator.ranges,
             echoes=self._simulator.echoes,
         )

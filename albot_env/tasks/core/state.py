@@ -15,7 +15,7 @@ from albot_core.kernels.compiled import kernel
 class BatchState(NamedTuple):
     """True poses, beliefs and latest readings of all robots, one row per robot.
 
-    The true poses are not used in observations.
+    The true poses and ranges are not used in observations.
     """
 
     poses: np.ndarray
@@ -32,6 +32,8 @@ class BatchState(NamedTuple):
     """(n, 3) float64: believed poses of home (robot frame); filled in during observation."""
     motions: np.ndarray
     """(n, 3) float64: motions that the odometers measured (m, rad)."""
+    true_ranges: np.ndarray
+    """(n, beams) float64: distances of what the lasers' beams meet (m)."""
     ranges: np.ndarray
     """(n, beams) float64: ranges of the lasers (m)."""
     echoes: np.ndarray

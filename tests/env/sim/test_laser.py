@@ -18,7 +18,7 @@ from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import PIONEER_3DX, LaserConfig, RayCaster
 from albot_env.sim.noise import normal_table
 from albot_env.sim.physics import PhysicsSpace
-from albot_env.sim.sensing import add_range_errors
+from albot_env.sim.ray_casting import measure_ranges
 from albot_maps.world import World
 
 GEOMETRY = LaserGeometry(beams=20_000, spacing=1e-4, max_range=30.0)
@@ -26,15 +26,16 @@ GEOMETRY = LaserGeometry(beams=20_000, spacing=1e-4, max_range=30.0)
 
 def sensed(true_range: float, place: int = 0, **errors: float) -> np.ndarray:
     config = LaserConfig(geometry=GEOMETRY, **errors)
-    ranges = np.full(20_000, true_range)
-    add_range_errors(
-        ranges,
+    ranges = np.empty(20_000)
+    measure_ranges(
+        np.full(20_000, true_range),
         np.uint64(1),
         place,
         normal_table(config.range_noise),
         config.dropout_threshold,
         GEOMETRY.max_range,
         np.empty(20_000, np.uint64),
+        ranges,
     )
     return ranges
 

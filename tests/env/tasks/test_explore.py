@@ -12,6 +12,7 @@ from albot_env.tasks.explore.task import ExploreConfig
 
 AHEAD = np.array((1.0, 0.0, -1.0), np.float32)
 STILL = np.array((0.0, 0.0, -1.0), np.float32)
+TURN = np.array((0.0, 1.0, -1.0), np.float32)
 
 
 def test_standing_still_costs_time_and_earns_nothing(make_env) -> None:
@@ -62,6 +63,17 @@ def test_coverage_grows_and_never_passes_one(make_env) -> None:
         shares.append(info["coverage"])
     assert (np.diff(shares) >= 0).all()
     assert 0 < shares[0] < 0.3 < shares[-1] <= 1
+
+
+def test_no_ground_is_covered_behind_a_wall_that_a_beam_misses(make_env) -> None:
+    """Turning, the robot misses a beam every few steps; it covers what one without errors does."""
+    shares = []
+    for laser in ("ideal", "lms-200"):
+        env = make_env(laser=laser)
+        env.reset(seed=1, options={"start": (1.0, 1.0, 0.0)})
+        shares.append([env.step(TURN)[-1]["coverage"] for _ in range(300)])
+    assert shares[0] == shares[1]
+    assert shares[0][0] < shares[0][-1] < 0.25
 
 
 def test_weights_scale_their_terms(make_env) -> None:
