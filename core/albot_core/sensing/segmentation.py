@@ -66,8 +66,10 @@ def set_gaps(
     if min_incidence > 0.0 and directions.shape[0] > 1:
         sine = directions[0, 0] * directions[1, 1] - directions[0, 1] * directions[1, 0]
         step = np.arcsin(min(abs(sine), 1.0))
-        # Coarser lasers than this angle have no such limit; there the gap is the range.
-        growth = np.sin(step) / np.sin(max(min_incidence - step, step))
+        # With coarser lasers a gap would be wider than the range itself: points so far apart lie on
+        # two walls as well as on one, and `cluster_gap` alone counts.
+        if step < 0.5 * min_incidence:
+            growth = np.sin(step) / np.sin(min_incidence - step)
     for i in range(beams.shape[0]):
         gaps[i] = cluster_gap
         if i > 0 and beams[i] == beams[i - 1] + 1:

@@ -44,7 +44,8 @@ class ViewConfig:
     min_incidence: float = 0.0
     """Angle between beam and wall (rad) down to which neighbouring points of one wall stay in one
     cluster, however far from each other; 0 for none: then `cluster_gap` alone counts, as in the
-    thesis. It is the adaptive breakpoint of Borges and Aldon (2004)."""
+    thesis, as it does with a laser whose beams are half this angle apart or more. It is the
+    adaptive breakpoint of Borges and Aldon (2004)."""
     cut_ends: bool = False
     """Whether no end is an occluding point where a wall only leaves the laser's range. In the
     thesis, which does not speak of walls out of range, such ends are."""

@@ -35,6 +35,19 @@ def test_no_gap_is_wider_across_a_missing_beam_or_nearby() -> None:
     assert gaps.tolist() == [0.6] * 3
 
 
+@pytest.mark.parametrize("beams", [13, 31])
+def test_a_coarse_laser_draws_no_wall_from_a_screen_to_the_wall_behind(beams: int) -> None:
+    # The screen is 2 m ahead and reaches 30° to both sides; the wall is 3 m ahead.
+    geometry = LaserGeometry(beams=beams, spacing=np.pi / (beams - 1))
+    depths = np.where(np.abs(geometry.bearings) < np.radians(31.0), 2.0, 3.0)
+    with np.errstate(divide="ignore"):
+        ranges = np.where(np.cos(geometry.bearings) > 0.1, depths / np.cos(geometry.bearings), 40)
+    config = ViewConfig(min_incidence=np.radians(10.0), fit_lines=True)
+    surfaces = construct_view(LaserScan(ranges=ranges, geometry=geometry), config).surfaces
+    assert len(surfaces)
+    np.testing.assert_allclose(surfaces[:, 0], surfaces[:, 2])
+
+
 def along_a_wall(max_range: float) -> LaserScan:
     """A wall 2 m to the left of a robot, which ends 6 m ahead; another 3 m to the right."""
     geometry = LaserGeometry(beams=181, spacing=np.radians(1.0), max_range=max_range)
