@@ -71,7 +71,7 @@ def stage_settings(
     Raises:
         InputError: A setting is unknown, or its value has the wrong type.
     """
-    settings = read_settings(plan.task, deep_merge(plan.env, stage.env), where)
+    settings = _read_settings(plan, deep_merge(plan.env, stage.env), where)
     return _deal_worlds(settings, plan.n_envs)
 
 
@@ -85,7 +85,7 @@ def evaluation_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[st
     """
     assert plan.evaluation is not None
     last = deep_merge(plan.env, plan.stages[-1].env)
-    settings = read_settings(plan.task, deep_merge(last, plan.evaluation.env), where)
+    settings = _read_settings(plan, deep_merge(last, plan.evaluation.env), where)
     settings.pop("world", None)
     return settings
 
@@ -112,12 +112,12 @@ def _plan(
 
 def _check_environments(plan: TrainingPlan, where: Location) -> None:
     """Raise InputError for settings that are invalid, or that the learner cannot work with."""
-    read_settings(plan.task, plan.env, where.at("env"))
+    _read_settings(plan, plan.env, where.at("env"))
     for k, stage in enumerate(plan.curriculum):
-        read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
+        _read_settings(plan, stage.env, where.at("curriculum", k, "env"))
     if plan.evaluation is not None:
         place = where.at("evaluation", "env")
-        read_settings(plan.task, plan.evaluation.env, place)
+        _read_settings(plan, plan.evaluation.env, place)
         if "world" in plan.evaluation.env:
             raise place.at("world").error("worlds in evaluation.worlds alone", "some here")
         _check_evaluation_worlds(plan.task, plan.evaluation, where.at("evaluation", "worlds"))
@@ -134,6 +134,19 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         settings = evaluation_settings(plan, place)
         batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
         check_spaces(batches[0], batch, place)
+
+
+def _read_settings(plan: TrainingPlan, env: Mapping[str, Any], where: Location) -> dict[str, Any]:
+    """Parse settings of a batch of environments.
+
+    Raises:
+        InputError: As for `read_settings`; or the observations are not flat, as the networks need.
+    """
+    settings = read_settings(plan.task, env, where)
+    observation = settings.get("observation", "flat")
+    if observation != "flat":
+        raise where.at("observation").error("flat, the form that networks take", observation)
+    return settings
 
 
 def _check_evaluation_worlds(task: str, evaluation: EvaluationPlan, where: Location) -> None:

@@ -93,6 +93,18 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
             "discount: expected 0.995, the same as gamma",
         ),
         ({"env": {"movables": 1}}, "env.movables: expected true or false, found 1"),
+        (
+            {"env": {"observation": "dict"}},
+            r"line \d+, env.observation: expected flat, .* found dict",
+        ),
+        (
+            {"curriculum": [{"env": {"observation": "dict"}}]},
+            r"line \d+, curriculum\[0\].env.observation: expected flat, .* found dict",
+        ),
+        (
+            {"evaluation": {"env": {"observation": "dict"}}},
+            r"line \d+, evaluation.env.observation: expected flat, .* found dict",
+        ),
         ({"evaluation": {"seeds": "9..3"}}, "evaluation.seeds: expected a range"),
         (
             {"evaluation": {"seeds": -1}},
