@@ -153,8 +153,8 @@ class TrainingPlan:
     """KL divergence from the policy that collected the samples, above which an update ends; None
     for no limit."""
     env: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of the environment, including `config`. A list of worlds is distributed over the
-    environments in turn."""
+    """Settings of the environment, including `config`. A list of worlds, `n_envs` at most, is
+    distributed over the environments in turn."""
     evaluation: EvaluationPlan | None = field(default_factory=EvaluationPlan)
     """Evaluations during training; None for no evaluations."""
     curriculum: tuple[StagePlan, ...] = ()
