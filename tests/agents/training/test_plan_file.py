@@ -188,6 +188,14 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"policy": {"net_arch": [100_000]}}, "policy.net_arch: .* from 1 to 65536"),
         ({"policy": {"log_std_init": 1000}}, "policy.log_std_init: expected a number from -20 to"),
         ({"policy": {"lstm_layers": 9}}, "policy.lstm_layers: expected a whole number from 1 to 8"),
+        ({"seed": -1}, r"line \d+, seed: expected a whole number from 0 to 4294967295, found -1"),
+        ({"seed": 2**32}, r"line \d+, seed: .* from 0 to 4294967295, found 4294967296"),
+        ({"seed": 2**63 - 1}, r"seed: .* from 0 to 4294967295, found 9223372036854775807"),
+        (
+            {"seed": 2**63},
+            r"line \d+, seed: expected an integer within ±9223372036854775807, "
+            "found 9223372036854775808",
+        ),
         ({"torch_threads": 10**12}, "torch_threads: expected a whole number from 0 to 1024"),
         (
             {"curriculum": [{"for_steps": 9}, {"env": {"action": "discrete"}}]},
