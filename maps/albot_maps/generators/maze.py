@@ -10,6 +10,8 @@ from albot_core.errors import InputError
 from albot_maps.generators.parameters import Parameters, count, metres, switch
 from albot_maps.generators.plan import WALL, Box, Corner, Plan, Sampler
 
+_LOOPS = 3
+"""Number of loops by default."""
 _Cell = tuple[int, int]
 """Column and row."""
 _Gate = tuple[_Cell, _Cell]
@@ -28,7 +30,7 @@ class MazeParameters(Parameters):
     """Number of rows of cells."""
     passage_width: float = metres(1.2, 0.75, 5)
     """Width of a passage (m)."""
-    loops: int | None = count(None, 0, 1000)
+    loops: int | None = count(None, 0, 1000, usual=_LOOPS)
     """Number of openings beyond those needed to reach every cell; at most (columns - 1) (rows - 1),
     or with symmetry (columns - 2) (rows - 1). By default the largest possible number up to 3."""
     symmetry: bool = switch(False)
@@ -77,7 +79,7 @@ def _loops(parameters: MazeParameters, source: str) -> int:
     # The grid's pairs of neighbours minus the openings of a spanning tree.
     most = (columns - 1) * (rows - 1) * (2 if parameters.symmetry else 1)
     if loops is None:
-        return min(most, 2 if parameters.symmetry else 3)
+        return min(most, 2 if parameters.symmetry else _LOOPS)
     if loops > most:
         expected = f"at most {most} in {parameters.columns} x {rows} cells"
         raise InputError(source, expected, str(loops), place="loops")

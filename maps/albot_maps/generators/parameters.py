@@ -26,6 +26,9 @@ class ParameterRange:
     """Unit of a length; empty for a value without a unit."""
     zero: bool = False
     """Whether 0 is allowed too, below the smallest value."""
+    usual: int | None = None
+    """The value that the generator chooses by default if the other parameters allow it; None if it
+    depends on the seed."""
 
     def allows(self, value: object) -> bool:
         """Return whether a value has the type and lies in the range."""
@@ -63,9 +66,13 @@ def number(default: float, minimum: Number, maximum: Number) -> Any:
     return _field(default, ParameterRange(type=float, minimum=minimum, maximum=maximum))
 
 
-def count(default: int | None, minimum: int, maximum: int) -> Any:
-    """Return a field for an integer. If `default` is None, the generator chooses the value."""
-    return _field(default, ParameterRange(type=int, minimum=minimum, maximum=maximum))
+def count(default: int | None, minimum: int, maximum: int, *, usual: int | None = None) -> Any:
+    """Return a field for an integer.
+
+    If `default` is None, the generator chooses the value: `usual` if that is possible.
+    """
+    allowed = ParameterRange(type=int, minimum=minimum, maximum=maximum, usual=usual)
+    return _field(default, allowed)
 
 
 def switch(default: bool) -> Any:

@@ -195,6 +195,28 @@ def test_a_maze_has_few_loops_where_none_are_asked_for(query, loops):
     assert digest(given) == digest(world)
 
 
+@pytest.mark.parametrize(
+    ("spec", "rooms"),
+    [
+        ("random:office:1", 20),
+        ("random:office:1?loops=12", 28),
+        ("random:office:1?width=8", 6),
+        ("random:office:1?width=8&depth=8", 6),
+        ("random:apartment:1", 5),
+        ("random:apartment:1?width=3", 5),
+        ("random:apartment:1?width=3&depth=3", 1),
+        ("random:apartment:1?width=3&depth=6", 2),
+    ],
+)
+def test_as_many_rooms_as_fit_where_none_are_asked_for(spec, rooms):
+    world = load_world(spec)
+    names = [room.name for room in world.rooms if not room.name.startswith(("corridor", "link"))]
+    assert len(names) == rooms
+    if "width" not in spec:
+        link = "&" if "?" in spec else "?"
+        assert digest(load_world(f"{spec}{link}rooms={rooms}")) == digest(world)
+
+
 @pytest.mark.parametrize("pillars", ["0", "0.0", "3", "50"])
 def test_the_pillars_of_a_hall(pillars):
     world = load_world(f"random:hall:1?clutter=0&porches=0&pillars={pillars}")
@@ -281,7 +303,7 @@ def test_seeds_to_the_limit():
 
 
 def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
-    spec = parse_spec("random:office:7?rooms=20&clutter=0.25&symmetry=true")
+    spec = parse_spec("random:office:7?door_width=0.9&clutter=0.25&symmetry=true")
     assert str(spec) == "random:office:7?clutter=0.25&symmetry=true"
     assert parse_spec(str(spec)) == spec
 
@@ -344,6 +366,7 @@ def test_the_documentation_lists_every_parameter():
         assert listed.keys() == known.ranges().keys()
         for name, allowed in known.ranges().items():
             default = known.defaults()[name]
+            default = allowed.usual if default is None else default
             assert listed[name] == (shown(default), shown_range(allowed))
 
 
