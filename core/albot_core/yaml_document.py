@@ -15,6 +15,11 @@ from albot_core.files import read_bytes
 LARGEST = 4 << 20
 """Largest size of a YAML file (bytes); a large building traced from a grid has two million."""
 
+_LARGEST_WHOLE = 2**63 - 1
+"""Largest absolute integer, so that every array can hold it."""
+_DIGITS = 40
+"""Longest integer that an error shows in full."""
+
 Steps = tuple[str | int, ...]
 """The path to a value from the top of a document: keys and indices."""
 
@@ -100,7 +105,7 @@ class YamlDocument:
                 self._plain(item, (*path, index), _line(item))
                 for index, item in enumerate(node.value)
             ]
-        return self._scalar(node, line)
+        return self._scalar(node, path)
 
     def _entry(self, pair: tuple[yaml.Node, yaml.Node]) -> tuple[str, yaml.Node, int]:
         """Return an entry's key, its value, and the key's line."""
@@ -109,7 +114,7 @@ class YamlDocument:
             raise self._error(_line(key), "a key that is text", "a collection")
         return str(key.value), value, _line(key)
 
-    def _scalar(self, node: yaml.Node, line: int) -> Any:
+    def _scalar(self, node: yaml.Node, path: Steps) -> Any:
         kind = node.tag.removeprefix("tag:yaml.org,2002:")
         text = node.value
         match kind:
@@ -120,10 +125,19 @@ class YamlDocument:
             case "bool":
                 return text.lower() == "true"
             case "int":
-                return int(text) if len(text) < 19 else float(text)
+                return self._whole(text, path)
             case "float":
                 return float(re.sub(r"(?i)\.(inf|nan)$", r"\1", text))
-        raise self._error(line, "plain values", f"the tag {node.tag}")
+        raise self._error(self._lines[path], "plain values", f"the tag {node.tag}")
+
+    def _whole(self, text: str, path: Steps) -> int:
+        """Return an integer; raise InputError for one that does not fit into 64 bits."""
+        short = len(text) <= _DIGITS
+        if short and abs(number := int(text)) <= _LARGEST_WHOLE:
+            return number
+        found = text if short else f"one of {len(text)} digits"
+        expected = f"an integer within ±{_LARGEST_WHOLE}"
+        raise InputError(self._source, expected, found, place=self.place(path))
 
     def _error(self, line: int, expected: str, found: str) -> InputError:
         return InputError(self._source, expected, found, place=f"line {line}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -70,6 +70,7 @@ class Door:
             raise InputError("Door", _OPENING.expected, shown(self.opening), place="opening")
         for name in ("open_for", "shut_for"):
             _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")
+        _drop_negative_zeros(self)
 
     @property
     def sweep(self) -> shapely.Polygon:
@@ -105,6 +106,7 @@ class Box:
         for name in ("length", "width"):
             _check_range("Box", name, getattr(self, name), SMALLEST_SIDE, 3.0, "m")
         _check_range("Box", "mass", self.mass, 0.5, 1000.0, "kg")
+        _drop_negative_zeros(self)
 
     @property
     def corners(self) -> Points:
@@ -150,6 +152,7 @@ class Walker:
         if shortest < SHORTEST_LEG:
             expected, found = f"legs of {SHORTEST_LEG} m or more", f"one of {shortest:.3g} m"
             raise InputError("Walker", expected, found, place="route")
+        _drop_negative_zeros(self)
 
     @property
     def legs(self) -> Segments:
@@ -183,6 +186,18 @@ class Movables:
     @cached_property
     def _barred(self) -> tuple[shapely.Polygon, ...]:
         return tuple([door.sweep for door in self.doors] + [box.outline for box in self.boxes])
+
+
+def _drop_negative_zeros(thing: Door | Box | Walker) -> None:
+    """Turn every -0 into 0, which world files do not distinguish."""
+    for item in fields(thing):
+        object.__setattr__(thing, item.name, _with_plain_zeros(getattr(thing, item.name)))
+
+
+def _with_plain_zeros(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return type(value)(map(_with_plain_zeros, value))
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def _check_point(kind: str, name: str, point: object) -> None:

@@ -70,7 +70,7 @@ class World:
     Every instance is valid: all numbers are finite and in metres, no wall is a point, names are
     unique, a robot of radius `ROBOT_RADIUS` fits at every start, can enter every room from the
     first start (with doors open and boxes pushed away) and follows every tour clear of the walls,
-    and movables have room. Arrays are read-only copies of the arguments.
+    and movables have room. Arrays are read-only copies of the arguments, with 0 for -0.
 
     Raises:
         InputError: One of these does not hold; its place is such as `walls[3]` or `exits[0]`.
@@ -366,5 +366,6 @@ def _sides(segments: Segments) -> np.ndarray:
 
 def _read_only(array: np.ndarray) -> np.ndarray:
     copy = np.array(array, dtype=np.float64)
+    copy += 0.0  # It turns -0 into 0, which world files do not distinguish.
     copy.flags.writeable = False
     return copy

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     "--seed",
     default=0,
     show_default=True,
-    type=click.IntRange(0),
+    type=click.IntRange(0, 2**64 - 1),
     help="The first seed, of worlds and episodes.",
 )
 @click.option(

@@ -29,6 +29,8 @@ _EVERY = 10.0
 """Time between two progress lines (s)."""
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
 _RUNS = Path("runs")
+_LARGEST_SEED = 2**32 - 1
+"""As that of a plan, which is slow to load."""
 _FOLDER = PathType(file_okay=False)
 
 
@@ -41,7 +43,11 @@ _FOLDER = PathType(file_okay=False)
 )
 @click.option("--out", type=_FOLDER, help="Folder of the run.  [default: runs/TASK-ALGORITHM-N]")
 @click.option("--resume", type=_FOLDER, help="Continue the run in this folder.")
-@click.option("--seed", type=click.IntRange(0), help="[default: the plan's]")
+@click.option(
+    "--seed",
+    type=click.IntRange(0, _LARGEST_SEED),
+    help="A whole number from 0 to 2³² − 1.  [default: the plan's]",
+)
 @click.option(
     "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )

@@ -125,14 +125,16 @@ class _MakeCommand(click.Command):
             known = parameters_of(kind)
             defaults = known.defaults()
             rows = [
-                (name, f"{allowed}  [default: {_default(defaults[name])}]")
+                (name, f"{allowed}  [default: {_default(defaults[name], allowed.usual)}]")
                 for name, allowed in known.ranges().items()
             ]
             with formatter.section(f"Parameters of {kind}"):
                 formatter.write_dl(rows)
 
 
-def _default(value: object) -> str:
+def _default(value: object, usual: int | None) -> str:
+    if usual is not None:
+        return f"{usual}, or the nearest that is possible"
     return "chosen automatically" if value is None else str(value).lower()
 
 

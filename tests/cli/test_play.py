@@ -161,6 +161,7 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         (("--sonar", "loud"), "one of none, ideal, pioneer, poor"),
         (("--scenes", "papr"), "did you mean paper"),
         (("--seed", "-1"), "seed"),
+        ((*SHORT, "--seed", str(2**128)), "seed: expected a whole number from 0 to 2¹²⁸ − 1"),
         (("--steps", "0"), "steps"),
         (("--speed", "0"), "speed"),
         (("--speed", "nan"), "speed"),

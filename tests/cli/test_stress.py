@@ -150,6 +150,7 @@ def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
         (("--steps", "0"), "steps"),
         (("--jobs", "0"), "jobs"),
         (("--seed", "-1"), "seed"),
+        (("--worlds", "square-loop", "--seed", str(2**64)), "--seed"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(

@@ -13,6 +13,7 @@ import pytest
 from albot_agents import workers
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import TrialRunner
+from albot_agents.training.plan import LARGEST_SEED
 from albot_cli import train
 from albot_cli.main import main
 from tests.agents.training.tiny import TASK, plan_file
@@ -128,6 +129,10 @@ def test_ctrl_c_says_how_to_go_on(
         (("--config", "none.yml"), "none.yml: file not found"),
         (("--resume", "nowhere"), "nowhere: expected the folder of a training run"),
         (("--resume", "nowhere", "--seed", "3"), "--seed: expected no such option"),
+        (
+            ("--config", "{config}", "--seed", str(2**32)),
+            "'--seed': 4294967296 is not in the range",
+        ),
         (("--config", "{config}", "--out", "{config}"), "Invalid value for '--out'"),
         (("--config", "{config}", "--out", "{config}/x"), "expected a folder to write to"),
         (("Albot/Explore-v0", "--config", "{config}"), "task: expected Albot/Explore-v0"),
@@ -141,6 +146,13 @@ def test_bad_input_is_one_line(
     assert (status, out) == (2, "")
     assert found in err
     assert err.count("\n") == 1
+
+
+def test_the_largest_seed_trains(run: Albot, config: Path, tmp_path: Path) -> None:
+    words = ("train", "--config", config, "--out", tmp_path / "run", "--json", "--quiet")
+    status, out, err = run(*words, "--seed", LARGEST_SEED)
+    assert (status, err) == (0, "")
+    assert json.loads(out)["seed"] == LARGEST_SEED == 2**32 - 1
 
 
 def test_a_plan_that_is_refused_leaves_no_folder(run: Albot, tmp_path: Path) -> None:

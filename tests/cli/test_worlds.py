@@ -297,7 +297,9 @@ def test_make_lists_the_parameters_of_every_kind(albot):
     for kind in KINDS:
         assert f"Parameters of {kind}:" in out
         assert set(parameters_of(kind).ranges()) <= set(words)
-    assert "a whole number from 2 to 200  [default: 20]" in out
+    text = " ".join(words)
+    assert "a whole number from 1 to 10 [default: 1]" in text
+    assert "a whole number from 2 to 200 [default: 20, or the nearest that is possible]" in text
 
 
 @pytest.mark.parametrize("words", [("check",), ("show",), ("convert", "-o", "out.yaml")])

@@ -23,7 +23,9 @@ _COUNT = Range("a whole number from 1", 1.0, whole=True)
 _ENVIRONMENTS = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 MOST_SAMPLES = 10_000_000
 """Largest number of samples between two updates: they are held in memory."""
-_FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
+LARGEST_SEED = 2**32 - 1
+"""Largest seed: stable-baselines3 seeds numpy's old generator too, which takes 32 bits."""
+_SEED = Range(f"a whole number from 0 to {LARGEST_SEED}", 0.0, float(LARGEST_SEED), whole=True)
 _LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
 _LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
 _THREADS = Range("a whole number from 0 to 1024", 0.0, 1024.0, whole=True)
@@ -153,8 +155,8 @@ class TrainingPlan:
     """KL divergence from the policy that collected the samples, above which an update ends; None
     for no limit."""
     env: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of the environment, including `config`. A list of worlds is distributed over the
-    environments in turn."""
+    """Settings of the environment, including `config`. A list of worlds, `n_envs` at most, is
+    distributed over the environments in turn."""
     evaluation: EvaluationPlan | None = field(default_factory=EvaluationPlan)
     """Evaluations during training; None for no evaluations."""
     curriculum: tuple[StagePlan, ...] = ()
@@ -162,7 +164,8 @@ class TrainingPlan:
     checkpoint_every: int = 500_000
     """Samples between two checkpoints."""
     seed: int = 0
-    """Seed of all randomness: worlds, episodes, initial weights."""
+    """Seed of all randomness: worlds, episodes, initial weights. A whole number from 0 to
+    2³² − 1."""
     device: str = "auto"
     """`cpu`, `cuda`, or `auto`: the GPU if there is one and the networks are large enough to profit
     from it."""
@@ -177,7 +180,7 @@ class TrainingPlan:
         check_fields(self, NOT_NEGATIVE, "vf_coef")
         if self.target_kl is not None:
             check_fields(self, POSITIVE, "target_kl")
-        check_fields(self, _FROM_ZERO, "seed")
+        check_fields(self, _SEED, "seed")
         check_fields(self, _THREADS, "torch_threads")
         check_fields(self, SHARE, "gamma", "gae_lambda")
         check_fields(self, POSITIVE, "max_grad_norm")

@@ -66,13 +66,16 @@ def save_plan(plan: TrainingPlan, path: Path) -> None:
 def stage_settings(
     plan: TrainingPlan, stage: StagePlan, where: Location = MEMORY
 ) -> dict[str, Any]:
-    """Return the settings of a stage's batch of environments.
+    """Return the settings of a stage's batch, with a list of worlds distributed in turn.
 
     Raises:
-        InputError: A setting is unknown, or its value has the wrong type.
+        InputError: A setting is unknown, or its value is invalid for the plan.
     """
-    settings = read_settings(plan.task, deep_merge(plan.env, stage.env), where)
-    return _deal_worlds(settings, plan.n_envs)
+    settings = _read_settings(plan, deep_merge(plan.env, stage.env), where)
+    worlds = settings.get("world")
+    if isinstance(worlds, list):
+        settings["world"] = [worlds[k % len(worlds)] for k in range(plan.n_envs)]
+    return settings
 
 
 def evaluation_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[str, Any]:
@@ -81,11 +84,11 @@ def evaluation_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[st
     They are those of the last stage, overridden by those of the evaluation.
 
     Raises:
-        InputError: A setting is unknown, or its value has the wrong type.
+        InputError: A setting is unknown, or its value is invalid for the plan.
     """
     assert plan.evaluation is not None
     last = deep_merge(plan.env, plan.stages[-1].env)
-    settings = read_settings(plan.task, deep_merge(last, plan.evaluation.env), where)
+    settings = _read_settings(plan, deep_merge(last, plan.evaluation.env), where)
     settings.pop("world", None)
     return settings
 
@@ -112,14 +115,14 @@ def _plan(
 
 def _check_environments(plan: TrainingPlan, where: Location) -> None:
     """Raise InputError for settings that are invalid, or that the learner cannot work with."""
-    read_settings(plan.task, plan.env, where.at("env"))
+    _read_settings(plan, plan.env, where.at("env"))
     for k, stage in enumerate(plan.curriculum):
-        read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
+        _read_settings(plan, stage.env, where.at("curriculum", k, "env"))
     if plan.evaluation is not None:
         place = where.at("evaluation", "env")
-        read_settings(plan.task, plan.evaluation.env, place)
         if "world" in plan.evaluation.env:
             raise place.at("world").error("worlds in evaluation.worlds alone", "some here")
+        _read_settings(plan, plan.evaluation.env, place)
         _check_evaluation_worlds(plan.task, plan.evaluation, where.at("evaluation", "worlds"))
     batches = []
     for k, stage in enumerate(plan.stages):
@@ -134,6 +137,24 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         settings = evaluation_settings(plan, place)
         batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
         check_spaces(batches[0], batch, place)
+
+
+def _read_settings(plan: TrainingPlan, env: Mapping[str, Any], where: Location) -> dict[str, Any]:
+    """Parse settings of a batch of environments.
+
+    Raises:
+        InputError: As for `read_settings`; or the observations are not flat, as the networks need;
+            or a list has no world, or one that no environment would get.
+    """
+    settings = read_settings(plan.task, env, where)
+    observation = settings.get("observation", "flat")
+    if observation != "flat":
+        raise where.at("observation").error("flat, the form that networks take", observation)
+    worlds = settings.get("world")
+    if isinstance(worlds, list) and not 1 <= len(worlds) <= plan.n_envs:
+        expected = f"at least one world, and at most n_envs, {plan.n_envs}"
+        raise where.at("world").error(expected, str(len(worlds)))
+    return settings
 
 
 def _check_evaluation_worlds(task: str, evaluation: EvaluationPlan, where: Location) -> None:
@@ -194,11 +215,3 @@ def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Loca
     if discount != plan.gamma:
         place = where.at("config", "weights", "discount")
         raise place.error(f"{plan.gamma:g}, the same as gamma", f"{discount:g}")
-
-
-def _deal_worlds(settings: dict[str, Any], count: int) -> dict[str, Any]:
-    """Return the settings, with a list of worlds distributed over `count` environments in turn."""
-    worlds = settings.get("world")
-    if not isinstance(worlds, list) or not worlds:
-        return settings
-    return {**settings, "world": [worlds[k % len(worlds)] for k in range(count)]}

@@ -27,6 +27,8 @@ Worlds = str | Path | World | WorldSet
 
 DEFAULT_WORLD = "office-ring"
 """The default world."""
+LARGEST_SEED = 2**128 - 1
+"""Largest seed of an episode: numpy draws seeds of 128 bits, and recordings hold them."""
 NO_MAPPER = "none"
 """Name for no mapper: the belief is dead reckoning, and there is no map."""
 
@@ -209,6 +211,24 @@ def equip(
         movables=movables,
         threads=threads,
     )
+
+
+def check_seed(seed: Any, environment: str, place: str = "seed") -> int:
+    """Return the seed of an episode as a plain integer.
+
+    Args:
+        seed: The seed.
+        environment: Id of the environment, for the error.
+        place: Place of the seed, for the error.
+
+    Raises:
+        InputError: The seed is not a whole number from 0 to `LARGEST_SEED`.
+    """
+    if not _is_whole(seed) or not 0 <= int(seed) <= LARGEST_SEED:
+        bits = int(seed).bit_length() if _is_whole(seed) else 0
+        found = f"one of {bits} bits" if bits > LARGEST_SEED.bit_length() else reprlib.repr(seed)
+        raise InputError(environment, "a whole number from 0 to 2¹²⁸ − 1", found, place=place)
+    return int(seed)
 
 
 def choose_world(

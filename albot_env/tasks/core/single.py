@@ -28,6 +28,7 @@ from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
     Settings,
     Worlds,
+    check_seed,
     check_settings,
     choose_start,
     choose_world,
@@ -86,15 +87,16 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         return settings_of(cls.__init__, cls.task)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | np.integer | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin a new episode.
 
         Raises:
-            InputError: An option is unknown, or the start is not valid.
+            InputError: An option is unknown, or the start or the seed is not valid.
             ClosedEnvironmentError: It has been closed.
         """
         self._check_open()
+        seed = None if seed is None else check_seed(seed, self._environment)
         super().reset(seed=seed)
         world = choose_world(self._worlds, self.np_random, options or {}, self._environment)
         start = choose_start(world, self.np_random, options or {}, self._environment)

@@ -28,6 +28,7 @@ from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
     Settings,
     Worlds,
+    check_seed,
     check_settings,
     choose_start,
     choose_world,
@@ -346,16 +347,17 @@ def _choose_seeds(
     """Return the seeds of the environments `rows` out of `count`."""
     if seed is None:
         seeds: list[int | None] = [None] * count
-    elif isinstance(seed, int | np.integer):
-        seeds = [int(seed) + k for k in range(count)]
-    else:
+    elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
         seeds = list(np.atleast_1d(np.asarray(seed, object)))
+    else:
+        first = check_seed(seed, environment)
+        seeds = [first + k for k in range(count)]
     if len(seeds) != count:
         raise InputError(environment, f"{count} seeds", str(len(seeds)), place="seed")
-    for row, its_seed in enumerate(seeds):
-        whole = isinstance(its_seed, int | np.integer) and not isinstance(its_seed, bool)
-        if its_seed is not None and not (whole and its_seed >= 0):
-            place = f"seed of environment {row}"
-            raise InputError(environment, "a whole number from 0", repr(its_seed), place=place)
-    seeds = [None if its_seed is None else int(its_seed) for its_seed in seeds]
+    seeds = [
+        None
+        if its_seed is None
+        else check_seed(its_seed, environment, f"seed of environment {row}")
+        for row, its_seed in enumerate(seeds)
+    ]
     return [seeds[row] for row in rows.tolist()]

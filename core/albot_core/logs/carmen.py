@@ -55,6 +55,9 @@ _SCANS = ("FLASER", "ROBOTLASER1")
 _AT_CENTRE = (0.0, 0.0, 0.0)
 _SICK_LMS = 0
 """The type of laser in a `ROBOTLASER1` line for a SICK LMS (CARMEN's `laser_messages.h`)."""
+_ROUNDING = 5e-6
+"""Largest error of an angle in a file (rad): pi / 2 and the spacing of a full turn are often
+rounded up."""
 _TAIL = 3
 """Number of fields at the end of a message: a stamp, a host, a stamp."""
 
@@ -191,6 +194,11 @@ class _Neighbours:
     after: _Odometer | _Sweep | None
 
 
+def _largest_spacing(beams: int) -> float:
+    """Return the largest angle between beams (rad): a quarter turn, and a full turn for all."""
+    return min(np.pi / 2, 2 * np.pi / (beams - 1))
+
+
 class _Messages:
     """The used messages of a log, and the laser that they describe."""
 
@@ -212,11 +220,12 @@ class _Messages:
         assert self._header is not None
         if not self._header.configuration:
             return sick_laser(self._header.beams, NO_RETURN, mount)
+        beams = self._header.beams
         kind, start, _, spacing, max_range, _, _ = map(float, self._header.configuration)
         return LaserGeometry(
-            beams=self._header.beams,
+            beams=beams,
             first_bearing=start,
-            spacing=spacing,
+            spacing=min(spacing, _largest_spacing(beams)),
             beam_width=SICK_BEAM_WIDTH if kind == _SICK_LMS else 0.0,
             max_range=min(max_range, NO_RETURN),
             mount=mount,
@@ -269,9 +278,13 @@ class _Messages:
                 f"the laser of the first scan, {self._header.beams} beams",
                 f"a different one, {beams} beams",
             )
-        if beams < 2 or not 0 < spacing <= np.pi / 2 or max_range <= 0:
-            found = f"{beams}, {spacing:g} rad and {max_range:g} m"
-            raise text.error("at least 2 beams, and a spacing and maximum range above 0", found)
+        if beams < 2 or max_range <= 0:
+            found = f"{beams} and {max_range:g} m"
+            raise text.error("at least 2 beams, and a maximum range above 0", found)
+        largest = _largest_spacing(beams)
+        if not 0 < spacing <= largest + _ROUNDING:
+            expected = f"a spacing above 0, and at most {largest:.6g} rad with {beams} beams"
+            raise text.error(expected, f"{spacing:.6g} rad")
         self._header = header
 
     def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> _Sweep:

@@ -11,6 +11,8 @@ from albot_maps.generators.furniture import GAP, HOME, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres
 from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
 
+_ROOMS = 5
+"""Number of rooms by default."""
 _LEAST_SIDE = 200
 """The shortest side of a room (cm)."""
 _JAMB = 15
@@ -27,8 +29,8 @@ class ApartmentParameters(Parameters):
 
     kind: ClassVar[str] = "apartment"
 
-    rooms: int = count(5, 1, 20)
-    """Number of rooms."""
+    rooms: int | None = count(None, 1, 20, usual=_ROOMS)
+    """Number of rooms; by default 5, or as many as fit if that is less."""
     loops: int | None = count(None, 0, 20)
     """Number of doors beyond those needed to reach every room; by default one per three rooms."""
     width: float | None = metres(None, 3, 60)
@@ -62,7 +64,7 @@ def draw_apartment(
         InputError: The rooms or the loops do not fit.
     """
     door = round(100 * parameters.door_width)
-    boxes, doorways = _cut_rooms(parameters, sampler, source, door)
+    boxes, doorways = _fit_rooms(parameters, sampler, source, door)
     names = _names(boxes, doorways)
     plan = Plan()
     for name, box in zip(names, boxes, strict=True):
@@ -86,21 +88,36 @@ def draw_apartment(
     return plan, start
 
 
-def _cut_rooms(
+def _fit_rooms(
     parameters: ApartmentParameters, sampler: Sampler, source: str, door: int
 ) -> tuple[list[Box], list[_Doorway]]:
+    """Return what `_cut_rooms` does, for fewer rooms than by default if these do not fit."""
+    if parameters.rooms is not None:
+        return _cut_rooms(parameters, parameters.rooms, sampler, source, door)
+    for rooms in range(_ROOMS, 1, -1):
+        try:
+            return _cut_rooms(parameters, rooms, sampler, source, door)
+        except InputError as error:
+            if error.place != "rooms":
+                raise
+    return _cut_rooms(parameters, 1, sampler, source, door)
+
+
+def _cut_rooms(
+    parameters: ApartmentParameters, rooms: int, sampler: Sampler, source: str, door: int
+) -> tuple[list[Box], list[_Doorway]]:
     """Return the rooms, and doorways that connect them and close the requested loops."""
-    loops = parameters.rooms // 3 if parameters.loops is None else parameters.loops
+    loops = rooms // 3 if parameters.loops is None else parameters.loops
     most, cut = 0, False
     for _ in range(_TRIES):
-        boxes = _split(sampler, _draw_outline(parameters, sampler), parameters.rooms)
+        boxes = _split(sampler, _draw_outline(parameters, rooms, sampler), rooms)
         if boxes is None:
             continue
         cut = True
         ways = sampler.shuffled(_doorways(boxes, door))
-        tree = _spanning_tree(ways, parameters.rooms)
+        tree = _spanning_tree(ways, rooms)
         rest = [way for way in ways if way not in tree]
-        if len(tree) < parameters.rooms - 1:
+        if len(tree) < rooms - 1:
             continue
         most = max(most, len(rest))
         if parameters.loops is None or len(rest) >= loops:
@@ -108,14 +125,14 @@ def _cut_rooms(
     if not cut:
         size = f"{parameters.width or 'any'} x {parameters.depth or 'any'} m"
         expected = f"rooms that fit into {size}, each side {_LEAST_SIDE / 100:g} m or more"
-        raise InputError(source, expected, str(parameters.rooms), place="rooms")
-    expected = f"at most {most} for {parameters.rooms} rooms like these"
+        raise InputError(source, expected, str(rooms), place="rooms")
+    expected = f"at most {most} for {rooms} rooms like these"
     raise InputError(source, expected, str(loops), place="loops")
 
 
-def _draw_outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
+def _draw_outline(parameters: ApartmentParameters, rooms: int, sampler: Sampler) -> Box:
     """Return the floor to divide: about 13 m² per room and nearly square."""
-    area = parameters.rooms * sampler.length(110, 160) * 1000
+    area = rooms * sampler.length(110, 160) * 1000
     width = parameters.width and round(100 * parameters.width)
     depth = parameters.depth and round(100 * parameters.depth)
     if not width:

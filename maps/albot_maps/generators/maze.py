@@ -10,6 +10,8 @@ from albot_core.errors import InputError
 from albot_maps.generators.parameters import Parameters, count, metres, switch
 from albot_maps.generators.plan import WALL, Box, Corner, Plan, Sampler
 
+_LOOPS = 3
+"""Number of loops by default."""
 _Cell = tuple[int, int]
 """Column and row."""
 _Gate = tuple[_Cell, _Cell]
@@ -28,9 +30,9 @@ class MazeParameters(Parameters):
     """Number of rows of cells."""
     passage_width: float = metres(1.2, 0.75, 5)
     """Width of a passage (m)."""
-    loops: int = count(3, 0, 1000)
-    """Number of openings beyond those needed to reach every cell; at most
-    (columns - 1) (rows - 1)."""
+    loops: int | None = count(None, 0, 1000, usual=_LOOPS)
+    """Number of openings beyond those needed to reach every cell; at most (columns - 1) (rows - 1),
+    or with symmetry (columns - 2) (rows - 1). By default the largest possible number up to 3."""
     symmetry: bool = switch(False)
     """Whether the right half mirrors the left one; then `columns` and `loops` must be even."""
 
@@ -41,15 +43,15 @@ def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tupl
     Raises:
         InputError: There are too many loops, or a symmetric maze has odd `columns` or `loops`.
     """
-    _check(parameters, source)
     columns, rows = parameters.columns, parameters.rows
+    loops = _loops(parameters, source)
     if parameters.symmetry:
-        half = _draw_gates(sampler, columns // 2, rows, parameters.loops // 2)
+        half = _draw_gates(sampler, columns // 2, rows, loops // 2)
         middle = sampler.integer(0, rows - 1)
         gates = [*half, ((columns // 2 - 1, middle), (columns // 2, middle))]
         gates += [_mirrored(gate, columns) for gate in half]
     else:
-        gates = _draw_gates(sampler, columns, rows, parameters.loops)
+        gates = _draw_gates(sampler, columns, rows, loops)
     width = round(100 * parameters.passage_width)
     plan = Plan()
     for cell in _cells(columns, rows):
@@ -66,18 +68,22 @@ def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tupl
     return plan, _square((0, 0), width).middle
 
 
-def _check(parameters: MazeParameters, source: str) -> None:
-    columns, rows = parameters.columns, parameters.rows
+def _loops(parameters: MazeParameters, source: str) -> int:
+    """Return the number of loops, the default one if none is given."""
+    columns, rows, loops = parameters.columns, parameters.rows, parameters.loops
     if parameters.symmetry:
-        for name, value in (("columns", columns), ("loops", parameters.loops)):
+        for name, value in (("columns", columns), ("loops", loops or 0)):
             if value % 2:
                 raise InputError(source, "an even number with symmetry", str(value), place=name)
         columns //= 2
     # The grid's pairs of neighbours minus the openings of a spanning tree.
     most = (columns - 1) * (rows - 1) * (2 if parameters.symmetry else 1)
-    if parameters.loops > most:
+    if loops is None:
+        return min(most, 2 if parameters.symmetry else _LOOPS)
+    if loops > most:
         expected = f"at most {most} in {parameters.columns} x {rows} cells"
-        raise InputError(source, expected, str(parameters.loops), place="loops")
+        raise InputError(source, expected, str(loops), place="loops")
+    return loops
 
 
 def _draw_gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]:

@@ -14,6 +14,8 @@ from albot_maps.generators.furniture import GAP, OFFICE, Furniture, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres, switch
 from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler, Side
 
+_ROOMS = 20
+"""Number of rooms by default."""
 _LEAST_DEPTH, _LEAST_BLOCK = 260, 300
 """Least depth of a row of rooms, and least width of a block between two corridors (cm)."""
 _WIDEST_STRIP = 500
@@ -26,8 +28,9 @@ class OfficeParameters(Parameters):
 
     kind: ClassVar[str] = "office"
 
-    rooms: int = count(20, 2, 200)
-    """Number of rooms, without corridors."""
+    rooms: int | None = count(None, 2, 200, usual=_ROOMS)
+    """Number of rooms, without corridors; by default 20, more where the loops need them, and fewer
+    where the floor has no space."""
     loops: int | None = count(None, 0, 12)
     """Number of loops that the corridors close; by default 0 to 3, as the rooms allow."""
     width: float | None = metres(None, 8, 200)
@@ -65,11 +68,14 @@ class _Office:
         self._plan = Plan()
         self._corridor = round(100 * parameters.corridor_width)
         self._links = 0
+        self._rooms = _ROOMS if parameters.rooms is None else parameters.rooms
 
     def draw(self) -> tuple[Plan, Corner]:
         """Lay out the corridors, divide the rows into rooms, and furnish these."""
         across, upward = self._choose_corridors()
         rows, start = self._lay_corridors(across, upward)
+        if self._asked.rooms is None:
+            self._rooms = min(self._rooms, sum(_room_for(rows)))
         filler = RoomRows(
             self._plan,
             self._sampler,
@@ -78,7 +84,7 @@ class _Office:
             clutter=self._asked.clutter,
             alike=self._asked.symmetry,
         )
-        filler.fill(rows, self._asked.rooms, self._source)
+        filler.fill(rows, self._rooms, self._source)
         return self._plan, start
 
     def _error(self, place: str, expected: str, found: object) -> InputError:
@@ -86,7 +92,7 @@ class _Office:
 
     def _choose_corridors(self) -> tuple[int, int]:
         """Return the numbers of corridors along x and along y that close the requested loops."""
-        loops, rooms = self._asked.loops, self._asked.rooms
+        loops = self._asked.loops
         wanted = range(4) if loops is None else (loops,)
         all_ways = [
             (across, upward)
@@ -94,9 +100,12 @@ class _Office:
             for upward in range(14)
             if (across - 1) * (max(upward, 1) - 1) in wanted and (across == 1) == (upward == 0)
         ]
+        least = min(_rows(*way) for way in all_ways)
+        if self._asked.rooms is None:
+            self._rooms = max(self._rooms, least)
+        rooms = self._rooms
         ways = [way for way in all_ways if _rows(*way) <= rooms]
         if not ways:
-            least = min(_rows(*way) for way in all_ways)
             raise self._error("rooms", f"at least {least} for {loops} loops", rooms)
         depths = {way: self._least_depth(way[0]) for way in ways}
         ways = self._fitting("depth", self._asked.depth, depths)
@@ -213,7 +222,7 @@ class _Office:
             spare = round(100 * self._asked.width) - fixed
         else:
             # Wide enough for a front of about four metres per room.
-            fronts = self._asked.rooms * self._sampler.length(340, 460)
+            fronts = self._rooms * self._sampler.length(340, 460)
             fronts -= 2 * sum(block_depths) if upward > 1 else 0
             spare = (fronts - 2 * fixed) // (2 + 2 * len(block_depths))
             spare = max(spare, 2 * number * _LEAST_BLOCK)
@@ -363,10 +372,15 @@ class RoomRows:
         return f"{what} {self._names[what]}"
 
 
+def _room_for(rows: list[Row]) -> list[int]:
+    """Return the largest number of rooms of each row."""
+    return [(row.frame.width + WALL) // (_LEAST_FRONT + WALL) for row in rows]
+
+
 def _share_rooms(rows: list[Row], rooms: int, source: str) -> list[int]:
     """Return the number of rooms of each row: at least one, and more for longer rows."""
     fronts = [row.frame.width + WALL for row in rows]
-    room_for = [front // (_LEAST_FRONT + WALL) for front in fronts]
+    room_for = _room_for(rows)
     if sum(room_for) < rooms:
         expected = f"at most {sum(room_for)} on this floor"
         raise InputError(source, expected, str(rooms), place="rooms")

@@ -24,6 +24,11 @@ class ParameterRange:
     """The largest value."""
     unit: str = ""
     """Unit of a length; empty for a value without a unit."""
+    zero: bool = False
+    """Whether 0 is allowed too, below the smallest value."""
+    usual: int | None = None
+    """The value that the generator chooses by default if the other parameters allow it; None if it
+    depends on the seed."""
 
     def allows(self, value: object) -> bool:
         """Return whether a value has the type and lies in the range."""
@@ -31,19 +36,24 @@ class ParameterRange:
             return self.type is bool and isinstance(value, bool)
         if not isinstance(value, int if self.type is int else Number):
             return False
-        return self.minimum <= value <= self.maximum
+        return (self.zero and value == 0) or self.minimum <= value <= self.maximum
 
     def __str__(self) -> str:
         if self.type is bool:
             return "true or false"
         what = "a whole number" if self.type is int else "a number"
         unit = f" ({self.unit})" if self.unit else ""
-        return f"{what} from {self.minimum:g} to {self.maximum:g}{unit}"
+        zero = "0, or " if self.zero else ""
+        return f"{zero}{what} from {self.minimum:g} to {self.maximum:g}{unit}"
 
 
-def metres(default: float | None, minimum: Number, maximum: Number) -> Any:
-    """Return a field for a length (m). If `default` is None, the generator chooses the value."""
-    return _field(default, ParameterRange(type=float, minimum=minimum, maximum=maximum, unit="m"))
+def metres(default: float | None, minimum: Number, maximum: Number, *, zero: bool = False) -> Any:
+    """Return a field for a length (m), which may also be 0 if `zero`.
+
+    If `default` is None, the generator chooses the value.
+    """
+    allowed = ParameterRange(type=float, minimum=minimum, maximum=maximum, unit="m", zero=zero)
+    return _field(default, allowed)
 
 
 def fraction(default: float) -> Any:
@@ -56,9 +66,13 @@ def number(default: float, minimum: Number, maximum: Number) -> Any:
     return _field(default, ParameterRange(type=float, minimum=minimum, maximum=maximum))
 
 
-def count(default: int | None, minimum: int, maximum: int) -> Any:
-    """Return a field for an integer. If `default` is None, the generator chooses the value."""
-    return _field(default, ParameterRange(type=int, minimum=minimum, maximum=maximum))
+def count(default: int | None, minimum: int, maximum: int, *, usual: int | None = None) -> Any:
+    """Return a field for an integer.
+
+    If `default` is None, the generator chooses the value: `usual` if that is possible.
+    """
+    allowed = ParameterRange(type=int, minimum=minimum, maximum=maximum, usual=usual)
+    return _field(default, allowed)
 
 
 def switch(default: bool) -> Any:

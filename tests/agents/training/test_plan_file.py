@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from albot_agents.training.plan_file import (
     stage_settings,
 )
 from albot_core.errors import InputError
+from albot_core.plain_data import Location
 from tests.agents.training.tiny import TASK, plan_file
 
 SHIPPED = sorted(
@@ -56,6 +58,11 @@ def test_worlds_are_dealt_out(tmp_path: Path) -> None:
     worlds = ["square-loop", "random:office:0..9"]
     plan = read_plan(plan_file(tmp_path / "a.yml", n_envs=4, env={"world": worlds}))
     assert stage_settings(plan, plan.stages[0])["world"] == worlds * 2
+    plan = dataclasses.replace(plan, n_envs=3, batch_size=24)
+    assert stage_settings(plan, plan.stages[0])["world"] == [*worlds, worlds[0]]
+    plan = dataclasses.replace(plan, n_envs=1, batch_size=8)
+    with pytest.raises(InputError, match=r"env.world: expected .* at most n_envs, 1, found 2"):
+        stage_settings(plan, plan.stages[0], Location("plan").at("env"))
 
 
 def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
@@ -93,6 +100,18 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
             "discount: expected 0.995, the same as gamma",
         ),
         ({"env": {"movables": 1}}, "env.movables: expected true or false, found 1"),
+        (
+            {"env": {"observation": "dict"}},
+            r"line \d+, env.observation: expected flat, .* found dict",
+        ),
+        (
+            {"curriculum": [{"env": {"observation": "dict"}}]},
+            r"line \d+, curriculum\[0\].env.observation: expected flat, .* found dict",
+        ),
+        (
+            {"evaluation": {"env": {"observation": "dict"}}},
+            r"line \d+, evaluation.env.observation: expected flat, .* found dict",
+        ),
         ({"evaluation": {"seeds": "9..3"}}, "evaluation.seeds: expected a range"),
         (
             {"evaluation": {"seeds": -1}},
@@ -136,6 +155,15 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
             {"env": {"world": "random:ofice:1"}},
             "env.world, random world: expected one of the kinds .*did you mean office",
         ),
+        (
+            {"env": {"world": ["square-loop"] * 3}},
+            r"line \d+, env.world: expected at least one world, and at most n_envs, 2, found 3",
+        ),
+        ({"env": {"world": []}}, r"line \d+, env.world: expected at least one world, .* found 0"),
+        (
+            {"curriculum": [{"env": {"world": ["square-loop"] * 3}}]},
+            r"line \d+, curriculum\[0\].env.world: expected at least one world, .* found 3",
+        ),
         ({"env": {"mapper": "nope"}}, r"line \d+, env.mapper: expected none or one of albot0"),
         ({"env": {"threads": 0}}, r"line \d+, env.threads: expected a whole number from 1"),
         (
@@ -160,6 +188,14 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"policy": {"net_arch": [100_000]}}, "policy.net_arch: .* from 1 to 65536"),
         ({"policy": {"log_std_init": 1000}}, "policy.log_std_init: expected a number from -20 to"),
         ({"policy": {"lstm_layers": 9}}, "policy.lstm_layers: expected a whole number from 1 to 8"),
+        ({"seed": -1}, r"line \d+, seed: expected a whole number from 0 to 4294967295, found -1"),
+        ({"seed": 2**32}, r"line \d+, seed: .* from 0 to 4294967295, found 4294967296"),
+        ({"seed": 2**63 - 1}, r"seed: .* from 0 to 4294967295, found 9223372036854775807"),
+        (
+            {"seed": 2**63},
+            r"line \d+, seed: expected an integer within ±9223372036854775807, "
+            "found 9223372036854775808",
+        ),
         ({"torch_threads": 10**12}, "torch_threads: expected a whole number from 0 to 1024"),
         (
             {"curriculum": [{"for_steps": 9}, {"env": {"action": "discrete"}}]},

@@ -125,6 +125,37 @@ def test_the_beams_of_a_sick_lms_are_known_to_be_wide(kind, degrees, drive, writ
     assert np.degrees(read_log(write(text)).geometry.beam_width) == pytest.approx(degrees)
 
 
+@pytest.mark.parametrize(
+    ("beams", "written", "spacing"),
+    [
+        (2, "1.57079633", np.pi / 2),
+        (3, "1.5708", np.pi / 2),
+        (3, "1.570796", 1.570796),
+        (361, "0.0174533", np.pi / 180),
+        (721, "0.008727", np.pi / 360),
+    ],
+)
+def test_a_spacing_may_be_rounded_up(beams, written, spacing, drive, write):
+    text = type(drive("robotlaser"))(beams).robotlaser().replace(" 0.008727 ", f" {written} ")
+    assert read_log(write(text)).geometry.spacing == spacing
+
+
+@pytest.mark.parametrize(
+    ("beams", "written", "expected"),
+    [
+        (2, "1.58", "at most 1.5708 rad with 2 beams, found 1.58 rad"),
+        (3, "-0.1", "a spacing above 0, and at most 1.5708 rad with 3 beams, found -0.1 rad"),
+        (3, "0", "above 0, and at most 1.5708 rad with 3 beams, found 0 rad"),
+        (361, "0.0175", "at most 0.0174533 rad with 361 beams, found 0.0175 rad"),
+    ],
+)
+def test_a_spacing_that_cannot_be_is_told(beams, written, expected, drive, write):
+    text = type(drive("robotlaser"))(beams).robotlaser().replace(" 0.008727 ", f" {written} ")
+    with pytest.raises(InputError, match=expected) as caught:
+        read_log(write(text))
+    assert "line 1: expected a spacing" in str(caught.value)
+
+
 @pytest.mark.parametrize("remissions", [None, 0, 1, 361])
 def test_robotlaser_with_and_without_remissions(remissions, drive, write):
     text = drive("robotlaser")

@@ -16,6 +16,7 @@ from gymnasium.utils.env_checker import check_env
 
 import albot_env
 from albot_core.errors import InputError
+from albot_env.tasks.core.settings import check_seed
 from albot_maps.generators.spec import KINDS
 from tests.env import quick
 
@@ -241,6 +242,32 @@ def test_a_task_without_journeys_takes_no_number_of_them() -> None:
 def test_reset_options_that_are_none_are_refused(environment: str, options: Any) -> None:
     with pytest.raises(InputError, match=environment):
         _make(environment).reset(seed=1, options=options)
+
+
+@pytest.mark.parametrize("environment", quick.IDS)
+@pytest.mark.parametrize(
+    ("seed", "found"), [(-1, "-1"), (True, "True"), (2**128, "one of 129 bits")]
+)
+def test_a_seed_that_is_none_is_refused(environment: str, seed: int, found: str) -> None:
+    with pytest.raises(InputError, match=rf"seed: expected a whole number .*, found {found}$"):
+        _make(environment).reset(seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("seed", "found"),
+    [(1.5, "1.5"), ("3", "'3'"), ([1], r"\[1\]"), (1 << 200, "one of 201 bits")],
+)
+def test_what_is_no_seed_is_told(seed: Any, found: str) -> None:
+    expected = "a whole number from 0 to 2¹²⁸ − 1"
+    with pytest.raises(InputError, match=f"^Task, seed: expected {expected}, found {found}$"):
+        check_seed(seed, "Task")
+
+
+@pytest.mark.parametrize("environment", quick.IDS)
+@pytest.mark.parametrize("seed", [0, 2**32, np.uint64(2**64 - 1), 2**128 - 1])
+def test_a_seed_has_up_to_128_bits(environment: str, seed: Any) -> None:
+    one, other = _make(environment), _make(environment)
+    assert _same([one.reset(seed=seed)], [other.reset(seed=int(seed))])
 
 
 @pytest.mark.parametrize("environment", quick.IDS)

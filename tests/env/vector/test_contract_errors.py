@@ -38,8 +38,10 @@ def _batch(**options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
         ({"start": True}, None, "environment 0, options.start"),
         ({"world": True}, None, "environment 0, options.world"),
         ({"world": 1}, None, r"environment 0, options.world: .*below 1"),
-        ({}, [1, -2], "seed of environment 1: expected a whole number from 0, found -2"),
+        ({}, [1, -2], "seed of environment 1: expected a whole number from 0 to .*, found -2"),
         ({}, [1], "2 seeds, found 1"),
+        ({}, True, "v0, seed: expected a whole number from 0 to 2¹²⁸ − 1, found True"),
+        ({}, 2**128 - 1, "seed of environment 1: .* found one of 129 bits"),
     ],
 )
 def test_a_reset_that_cannot_be_says_where_and_must_be_made_good(

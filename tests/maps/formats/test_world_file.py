@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -39,6 +40,27 @@ movables:
     - {at: [2, 2], length: 0.4, width: 0.3}
   walkers:
     - {route: [[0.5, 0.5], [0.5, 2.5]]}
+"""
+
+ZEROS = """\
+albot-world: 1
+name: zeros
+walls:
+  - [[-2, -2], [2, -2], [2, 2], [-2, 2], [-2, -2]]
+  - [[-0.0, -2], [-0.0, -1.5]]
+rooms:
+  all: [[-2, -2], [2, -2], [2, 2], [-0.0, 2], [-2, 2]]
+starts:
+  - {at: [-0.0, -0.0], heading: -0.0}
+tours:
+  short: [[-0.0, 0.5], [1, -0.0]]
+movables:
+  doors:
+    - {hinge: [-0.0, 1.9], heading: -0.0, width: 0.5, opening: -90, open_for: [-0.0, 5]}
+  boxes:
+    - {at: [-1, -0.0], heading_rad: -0.0, length: 0.4, width: 0.3}
+  walkers:
+    - {route: [[-0.0, -0.9], [1.5, -0.9]]}
 """
 
 
@@ -88,6 +110,19 @@ def test_polylines_boxes_and_polygons_become_walls_in_order():
     assert np.array_equal(world.walls, [*outline, *box, *triangle])
     assert np.array_equal(world.starts, [[1, 1, np.pi / 2]])
     assert world.source == "small.yaml"
+
+
+def test_no_world_holds_a_negative_zero():
+    world = parse_world(ZEROS, source="zeros")
+    made = replace(world, walls=-world.walls, starts=np.array([[-0.0, 0.0, -0.0]]))
+    for each in (world, made):
+        room, tour = each.rooms[0].boundary, each.tours["short"]
+        for array in (each.walls, each.starts, room, tour):
+            assert not (np.signbit(array) & (array == 0)).any()
+        assert "-0.0" not in repr(each.movables)
+        assert "-0," not in world_text(each)
+        assert "-0]" not in world_text(each)
+        assert world_text(parse_world(world_text(each), source="again")) == world_text(each)
 
 
 @pytest.mark.parametrize("name", catalogue_names())

@@ -176,6 +176,54 @@ def test_a_maze_has_the_loops_asked_for(loops):
         assert len(world.exits) - (len(world.rooms) - 1) == loops
 
 
+@pytest.mark.parametrize(
+    ("query", "loops"),
+    [
+        ("", 3),
+        ("symmetry=true", 2),
+        ("columns=2&rows=2", 1),
+        ("columns=2&rows=3", 2),
+        ("columns=2&symmetry=true", 0),
+        ("columns=4&rows=2&symmetry=true", 2),
+    ],
+)
+def test_a_maze_has_few_loops_where_none_are_asked_for(query, loops):
+    world = load_world(f"random:maze:1?{query}".removesuffix("?"))
+    assert len(world.exits) - (len(world.rooms) - 1) == loops
+    link = "&" if query else "?"
+    given = load_world(f"{world.source}{link}loops={loops}")
+    assert digest(given) == digest(world)
+
+
+@pytest.mark.parametrize(
+    ("spec", "rooms"),
+    [
+        ("random:office:1", 20),
+        ("random:office:1?loops=12", 28),
+        ("random:office:1?width=8", 6),
+        ("random:office:1?width=8&depth=8", 6),
+        ("random:apartment:1", 5),
+        ("random:apartment:1?width=3", 5),
+        ("random:apartment:1?width=3&depth=3", 1),
+        ("random:apartment:1?width=3&depth=6", 2),
+    ],
+)
+def test_as_many_rooms_as_fit_where_none_are_asked_for(spec, rooms):
+    world = load_world(spec)
+    names = [room.name for room in world.rooms if not room.name.startswith(("corridor", "link"))]
+    assert len(names) == rooms
+    if "width" not in spec:
+        link = "&" if "?" in spec else "?"
+        assert digest(load_world(f"{spec}{link}rooms={rooms}")) == digest(world)
+
+
+@pytest.mark.parametrize("pillars", ["0", "0.0", "3", "50"])
+def test_the_pillars_of_a_hall(pillars):
+    world = load_world(f"random:hall:1?clutter=0&porches=0&pillars={pillars}")
+    count = {"0": 0, "0.0": 0, "3": 48, "50": 0}[pillars]
+    assert len(world.walls) == 8 + 4 * count
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_moves_is_as_much_as_was_asked_and_changes_nothing_else(kind):
     asked = {"people": 2, "boxes": 3} | ({"doors": 2} if kind in WITH_DOORS else {})
@@ -255,7 +303,7 @@ def test_seeds_to_the_limit():
 
 
 def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
-    spec = parse_spec("random:office:7?rooms=20&clutter=0.25&symmetry=true")
+    spec = parse_spec("random:office:7?door_width=0.9&clutter=0.25&symmetry=true")
     assert str(spec) == "random:office:7?clutter=0.25&symmetry=true"
     assert parse_spec(str(spec)) == spec
 
@@ -289,7 +337,8 @@ def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
         ("random:apartment:1?rooms=3&loops=9", "loops: expected at most 1 for 3 rooms"),
         ("random:maze:1?columns=3&symmetry=true", "columns: expected an even number"),
         ("random:maze:1?columns=4&rows=4&loops=10", "loops: expected at most 9 in 4 x 4 cells"),
-        ("random:hall:1?pillars=1", "pillars: expected 0, or at least 3 m"),
+        ("random:hall:1?pillars=2", "pillars: expected 0, or a number from 3 to 50 (m), found 2"),
+        ("random:hall:1?pillars=0.5", "expected 0, or a number from 3 to 50 (m), found 0.5"),
         ("random:ring:1?growth=3&loops=10", "growth: expected loops at most 5000 m wide"),
         ("random:apartment:1?doors=50", "doors: expected at most "),
         (
@@ -317,6 +366,7 @@ def test_the_documentation_lists_every_parameter():
         assert listed.keys() == known.ranges().keys()
         for name, allowed in known.ranges().items():
             default = known.defaults()[name]
+            default = allowed.usual if default is None else default
             assert listed[name] == (shown(default), shown_range(allowed))
 
 
@@ -329,4 +379,5 @@ def shown(default: object) -> str:
 def shown_range(allowed: ParameterRange) -> str:
     if allowed.type is bool:
         return "true, false"
-    return f"{allowed.minimum:g}–{allowed.maximum:g} {allowed.unit}".rstrip()
+    zero = "0, " if allowed.zero else ""
+    return f"{zero}{allowed.minimum:g}–{allowed.maximum:g} {allowed.unit}".rstrip()
