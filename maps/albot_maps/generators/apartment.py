@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, HOME, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres
@@ -126,7 +127,7 @@ def _cut_rooms(
         size = f"{parameters.width or 'any'} x {parameters.depth or 'any'} m"
         expected = f"rooms that fit into {size}, each side {_LEAST_SIDE / 100:g} m or more"
         raise InputError(source, expected, str(rooms), place="rooms")
-    expected = f"at most {most} for {rooms} rooms like these"
+    expected = f"at most {most} in an apartment of {many(rooms, 'room')}"
     raise InputError(source, expected, str(loops), place="loops")
 
 
