@@ -334,7 +334,7 @@ def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
         ("random:office:1?loops=1&width=9", "width: expected at least"),
         ("random:office:1?loops=1&depth=9", "depth: expected at least"),
         ("random:apartment:1?rooms=12&width=5&depth=5", "rooms: expected rooms that fit into 5.0"),
-        ("random:apartment:1?rooms=3&loops=9", "loops: expected at most 1 for 3 rooms"),
+        ("random:apartment:1?rooms=3&loops=9", "at most 1 in an apartment of 3 rooms"),
         ("random:maze:1?columns=3&symmetry=true", "columns: expected an even number"),
         ("random:maze:1?columns=4&rows=4&loops=10", "loops: expected at most 9 in 4 x 4 cells"),
         ("random:hall:1?pillars=2", "pillars: expected 0, or a number from 3 to 50 (m), found 2"),
