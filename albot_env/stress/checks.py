@@ -20,6 +20,7 @@ from albot_core.ranges import NOT_NEGATIVE, check_fields
 from albot_core.sensing.reading import SonarScan
 from albot_env.stress.geometry import (
     Point,
+    depths_in,
     nearest_in_cones,
     ray_ranges,
     wall_distances,
@@ -53,6 +54,9 @@ class Limits:
     obstacle_overlap: float = 0.125
     """Maximum overlap of the body with a dynamic obstacle (m). Both may approach each other: a
     robot at 1 m/s and a person at 1.4 m/s, by 12 cm in one step of 0.05 s."""
+    box_overlap: float = 0.06
+    """Maximum depth of a wall in a box (m): 5 cm with the lightest boxes at the maximum speed of
+    actions."""
     range_error: float = 0.04
     """Maximum error of a range (m): the largest of the laser's 4096 errors of 1 cm standard
     deviation is 3.7 cm."""
@@ -163,6 +167,32 @@ def check_obstacles(obstacles: Segments, place: Point, limits: Limits) -> list[s
     if depth <= limits.obstacle_overlap:
         return []
     return [f"stands {depth:.3f} m deep in something that moves, at {_position(place)}"]
+
+
+def check_boxes(
+    walls: Segments,
+    before: Float64[np.ndarray, "boxes 4 2"],
+    after: Float64[np.ndarray, "boxes 4 2"],
+    limits: Limits,
+) -> list[str]:
+    """Check that no wall is deeper in a box than allowed, and that no box's centre has crossed one.
+
+    Args:
+        walls: The walls.
+        before: Corners of the boxes after the previous step, counter-clockwise (m).
+        after: Corners of the boxes now (m).
+        limits: Maximum errors and overlaps.
+    """
+    wrong: list[str] = []
+    for box, (corners, centre) in enumerate(zip(after, after.mean(axis=1), strict=True)):
+        crossed = np.flatnonzero(walls_crossed(walls, before[box].mean(axis=0), centre)).tolist()
+        wrong += [f"box {box} went through {_named(walls, wall)}" for wall in crossed]
+        depths = depths_in(walls, corners)
+        deepest = int(depths.argmax())
+        if depths[deepest] > limits.box_overlap:
+            wall = _named(walls, deepest)
+            wrong.append(f"box {box} stands {depths[deepest]:.3f} m deep in {wall}")
+    return wrong
 
 
 def check_laser(
