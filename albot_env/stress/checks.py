@@ -51,9 +51,9 @@ class Limits:
     overlap: float = 0.055
     """Maximum overlap of the body with a wall (m). Chipmunk finds a contact only once bodies
     overlap: at the maximum speed of actions, 1 m/s, by up to 5 cm after one step of 0.05 s."""
-    obstacle_overlap: float = 0.125
-    """Maximum overlap of the body with a dynamic obstacle (m). Both may approach each other: a
-    robot at 1 m/s and a person at 1.4 m/s, by 12 cm in one step of 0.05 s."""
+    obstacle_overlap: float = 0.06
+    """Maximum overlap of the body with a dynamic obstacle (m): with a door's leaf 5 cm, as with a
+    wall. Boxes and people are met in shorter steps, and people stop before the robot."""
     box_overlap: float = 0.06
     """Maximum depth of a wall in a box (m): 5 cm with the lightest boxes at the maximum speed of
     actions."""
