@@ -15,6 +15,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from jaxtyping import Float64
 
 from albot_agents.agent import begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
@@ -27,6 +28,7 @@ from albot_env.stress.checks import (
     Limits,
     all_keys,
     check_body,
+    check_boxes,
     check_info,
     check_laser,
     check_observation,
@@ -281,6 +283,7 @@ class StepChecker:
         limits: Limits,
     ) -> None:
         self._walls, self._opaque = world.walls, world.opaque
+        self._movables = world.movables
         self._recorder = recorder
         self._space = space
         self._limits = limits
@@ -290,6 +293,7 @@ class StepChecker:
         """Check a reset; return what is wrong."""
         self._keys = all_keys(info)
         self._position = info["pose"][:2].copy()
+        self._boxes = self._box_corners()
         return self._check(observation, info)
 
     def after_step(self, observation: Any, reward: float, info: dict[str, Any]) -> list[str]:
@@ -298,15 +302,23 @@ class StepChecker:
 
     def _check(self, observation: Any, info: dict[str, Any]) -> list[str]:
         before, self._position = self._position, info["pose"][:2].copy()
+        boxes_before, self._boxes = self._boxes, self._box_corners()
         wrong = check_observation(observation, self._space)
         wrong += check_info(info, self._keys)
         wrong += check_body(self._walls, before, self._position, self._limits)
         wrong += check_obstacles(
             self._recorder.last.dynamic_obstacles, self._position, self._limits
         )
+        wrong += check_boxes(self._walls, boxes_before, self._boxes, self._limits)
         if wrong:
             return wrong  # A wrong observation has no ranges to check.
         return self._check_ranges(observation, info["pose"])
+
+    def _box_corners(self) -> Float64[np.ndarray, "boxes 4 2"]:
+        """Return the corners of the boxes (m), whose outlines come after those of the doors."""
+        first, number = len(self._movables.doors), len(self._movables.boxes)
+        sides = self._recorder.last.dynamic_obstacles[first : first + 4 * number]
+        return sides[:, :2].reshape(-1, 4, 2)
 
     def _check_ranges(self, observation: Any, pose: Pose) -> list[str]:
         """Return what is wrong with the ranges of laser and sonars."""

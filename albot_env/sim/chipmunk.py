@@ -93,6 +93,8 @@ class SpaceTables(NamedTuple):
     """(spaces, MAX_ROBOTS) int64: robots of each space, in pymunk's order of visits."""
     slots: np.ndarray
     """(n,) int64: index of each robot's wheel body in its space."""
+    solver_steps: np.ndarray
+    """(spaces,) int64: number of Chipmunk's steps in a physics step."""
 
 
 @KernelDispatcher
@@ -103,15 +105,24 @@ def advance(
     """Run physics steps of `duration` (s) in the chosen spaces.
 
     In each step the odometers count the wheels' motion, the wheels approach their targets at
-    `acceleration` (m/s²), and the bodies move. `arguments` holds `ChipmunkInterface`,
-    `SpaceTables`, `RobotArrays`, the odometer's constants and the wheel base (m).
+    `acceleration` (m/s²), and the bodies move, in one or more of Chipmunk's steps. `arguments`
+    holds `ChipmunkInterface`, `SpaceTables`, `RobotArrays`, the odometer's constants and the wheel
+    base (m).
     """
     chipmunk, tables, robots, errors, base = unpack(arguments)
     gain = acceleration * duration
     for s in chosen:
         space, wheel_space = tables.spaces[s]
         count, rows = tables.robot_counts[s], tables.rows[s]
+        solver_steps = tables.solver_steps[s]
         for _ in range(steps):
+            for k in range(count):
+                robots.touched[rows[k], 0] = False
+            # The wheels' new speeds are written before the last of Chipmunk's steps: it computes
+            # the velocities with which the bodies move in the whole of the next physics step.
+            for _ in range(solver_steps - 1):
+                call_with_number(chipmunk.calls[STEP], space, duration / solver_steps)
+                _note_pushed_robots(chipmunk, rows, count, robots, space)
             for k in range(count):
                 i = rows[k]
                 wheels, target = robots.wheels[i], robots.targets[i]
@@ -127,9 +138,8 @@ def advance(
                 chipmunk.buffer[at] = speed * math.cos(direction)
                 chipmunk.buffer[at + 1] = speed * math.sin(direction)
                 chipmunk.buffer[at + 2] = turn_rate
-                robots.touched[i, 0] = False
             write_velocities(chipmunk, wheel_space)
-            call_with_number(chipmunk.calls[STEP], space, duration)
+            call_with_number(chipmunk.calls[STEP], space, duration / solver_steps)
             _note_pushed_robots(chipmunk, rows, count, robots, space)
             read_states(chipmunk, space)
             for k in range(count):
@@ -145,7 +155,7 @@ def advance(
 def _note_pushed_robots(
     chipmunk: ChipmunkInterface, rows: np.ndarray, count: int, robots: RobotArrays, space: int
 ) -> None:
-    """Mark the robots that a wall or obstacle pushed in the last physics step."""
+    """Mark the robots that a wall or obstacle pushed in Chipmunk's last step."""
     calls, contacts = chipmunk.calls, chipmunk.requests[CONTACTS]
     chipmunk.impulses[0] &= ~0xFFFFFFFF
     chipmunk.bodies[0] &= ~0xFFFFFFFF

@@ -2,10 +2,11 @@
 
 D. Helbing and P. Molnár, "Social force model for pedestrian dynamics", Physical Review E 51,
 4282 (1995). Equation numbers are that paper's, and so are the constants unless noted. We depart
-from it in three ways. A walker follows the straight legs of a route and aims at a point one
+from it in four ways. A walker follows the straight legs of a route and aims at a point one
 metre ahead along them, so that a push aside cannot lead it into a dead end. It is a disc, not a
 point: distances are reduced by the radii. And instead of the paper's random fluctuations, it
-steps to the side of anyone in its way and turns round when it makes no progress.
+steps to the side of anyone in its way and turns round when it makes no progress. And forces do
+not press it into the robot or a box: it stops before them, since 75 kg would push both about.
 """
 
 from __future__ import annotations
@@ -65,6 +66,9 @@ def command_walkers(
     """
     own = tables.robots[i]
     waypoints = tables.waypoints[own.waypoints : own.waypoints_end]
+    # A robot's outlines are those of its doors, then of its boxes, then of its walkers.
+    boxes = own.outlines + own.doors_end - own.doors
+    boxes_end = boxes + 4 * (own.boxes_end - own.boxes)
     for w in range(own.walkers, own.walkers_end):
         walker = tables.walkers[w]
         x, y, size, speed = walker.x, walker.y, walker.radius, walker.speed
@@ -84,11 +88,16 @@ def command_walkers(
                 sizes = size + other.radius
             gx, gy = _repulsion(from_x, from_y, vx, vy, sizes, ex, ey)
             fx, fy = fx + gx, fy + gy
-        gx, gy = _wall_repulsion(tables, i, x, y, size)
+        gx, gy = _wall_repulsion(tables, i, boxes_end, x, y, size)
         fx, fy = _clipped(fx + gx, fy + gy, _MAX_ACCELERATION)
         # Eq. (10) and (11): the velocity, limited relative to the desired speed.
         vx, vy = walker.vx + fx * duration, walker.vy + fy * duration
-        walker.wanted_x, walker.wanted_y = _clipped(vx, vy, _MAX_SPEED_RATIO * speed)
+        vx, vy = _clipped(vx, vy, _MAX_SPEED_RATIO * speed)
+        if own.boxes < own.boxes_end:
+            _, near_x, near_y = _nearest(tables.outlines, boxes, boxes_end, x, y)
+            vx, vy = _stop_short(x - near_x, y - near_y, vx, vy, size, duration)
+        vx, vy = _stop_short(x - robot[0], y - robot[1], vx, vy, size + radius, duration)
+        walker.wanted_x, walker.wanted_y = vx, vy
 
 
 @kernel()
@@ -126,14 +135,29 @@ def _repulsion(
 
 
 @kernel()
-def _wall_repulsion(
-    tables: ObstacleTables, i: int, x: float, y: float, size: float
+def _stop_short(
+    x: float, y: float, vx: float, vy: float, sizes: float, duration: float
 ) -> tuple[float, float]:
-    """Return the repulsion, eq. (5), from the nearest wall, door or box."""
+    """Return a walker's velocity vx, vy without what would take it into something.
+
+    x, y is the walker's position relative to that. The walker approaches it no faster than it can
+    stop before it, at a speed v with v t + v² / (2 a) = gap.
+    """
+    far = max(length_of(x, y), 1e-6)
+    gap = max(far - sizes, 0.0)
+    lost = _MAX_ACCELERATION * duration
+    most = math.sqrt(lost**2 + 2 * _MAX_ACCELERATION * gap) - lost
+    excess = max(-(vx * x + vy * y) / far - most, 0.0)
+    return vx + excess * x / far, vy + excess * y / far
+
+
+@kernel()
+def _wall_repulsion(
+    tables: ObstacleTables, i: int, last: int, x: float, y: float, size: float
+) -> tuple[float, float]:
+    """Return the repulsion, eq. (5), from the nearest wall, door or box (outlines to `last`)."""
     own = tables.robots[i]
     gap, near_x, near_y = _nearest(tables.walls, own.walls, own.walls_end, x, y)
-    # A robot's outlines are those of its doors, then of its boxes, then of its walkers.
-    last = own.outlines + own.doors_end - own.doors + 4 * (own.boxes_end - own.boxes)
     other, other_x, other_y = _nearest(tables.outlines, own.outlines, last, x, y)
     if other < gap:
         gap, near_x, near_y = other, other_x, other_y

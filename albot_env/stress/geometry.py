@@ -28,6 +28,31 @@ def walls_crossed(walls: Segments, before: Point, after: Point) -> Bool[np.ndarr
     return np.asarray(apart & between)
 
 
+def depths_in(walls: Segments, corners: Points) -> Float64[np.ndarray, "walls"]:
+    """Return how deep (m) every wall goes into a convex polygon; negative if it does not.
+
+    The depth of a point is its distance to the nearest of the lines through the sides. Along a
+    wall each of these distances is linear, so the least of them is greatest at an end of the wall
+    or where two of them are equal.
+
+    Args:
+        walls: The walls.
+        corners: The polygon's corners, counter-clockwise (m).
+    """
+    sides = np.roll(corners, -1, axis=0) - corners
+    inward = np.stack((-sides[:, 1], sides[:, 0]), axis=1) / np.hypot(*sides.T)[:, np.newaxis]
+    least = (inward * corners).sum(axis=1)
+    first, last = walls[:, :2] @ inward.T - least, walls[:, 2:] @ inward.T - least
+    one, other = np.triu_indices(len(corners), 1)
+    apart = first[:, one] - first[:, other]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        equal = apart / (apart - (last[:, one] - last[:, other]))
+    ends = np.broadcast_to([0.0, 1.0], (len(walls), 2))
+    shares = np.clip(np.nan_to_num(np.concatenate((ends, equal), axis=1)), 0, 1)[:, :, np.newaxis]
+    along = first[:, np.newaxis] + shares * (last - first)[:, np.newaxis]
+    return np.asarray(along.min(axis=2).max(axis=1))
+
+
 def ray_ranges(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
     """Return the distance (m) along every beam to the nearest wall; infinite if it meets none.
 

@@ -143,6 +143,23 @@ def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
     assert re.search(r"(beam|sonar) \d+ (sees|hears)", violation.what)
 
 
+def test_a_box_in_a_wall_is_found(monkeypatch: pytest.MonkeyPatch):
+    """As if its one box had been pushed aside by 20 m."""
+    whole = BatchedRobots.dynamic_obstacles
+
+    def obstacles(self: BatchedRobots, row: int) -> np.ndarray:
+        found = whole(self, row)
+        found[2:6] += 20.0 * (len(pushes) > 5)
+        pushes.append(row)
+        return found
+
+    pushes: list[int] = []
+    monkeypatch.setattr(BatchedRobots, "dynamic_obstacles", obstacles)
+    world = "random:apartment:1?people=3&boxes=1&doors=2"
+    [violation, *_] = run(dataclasses.replace(SOUND, world=world)).violations
+    assert violation.what.startswith("box 0 went through wall")
+
+
 @pytest.mark.parametrize("mapper", ["albot1", "odometry"])
 def test_nor_with_a_mapper_inside(mapper: str):
     assert run(dataclasses.replace(SOUND, mapper=mapper)).violations == ()

@@ -12,7 +12,7 @@ from albot_core.kernels.arguments import KernelArguments
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk import ChipmunkBuffers, RobotArrays, SpaceTables, advance
 from albot_env.sim.obstacles import DynamicObstacles
-from albot_env.sim.physics import PHYSICS_STEP, PhysicsSpace
+from albot_env.sim.physics import PHYSICS_STEP, PhysicsSpace, solver_steps
 from albot_maps import Box, Door, Movables, Walker, World
 
 CONTROL_STEP = 0.1
@@ -81,6 +81,7 @@ class Scene:
             robot_counts=np.array([1]),
             rows=np.array([[0]]),
             slots=np.array([0]),
+            solver_steps=np.array([solver_steps(self.world.movables)]),
         )
 
     @property

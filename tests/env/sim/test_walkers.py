@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from albot_maps import Door, Walker
+from albot_env.stress.checks import Limits
+from albot_maps import Box, Door, Walker
 from tests.env.sim.obstacle_scene import Scene, gap_of, world_of
 
 
@@ -78,6 +79,42 @@ def test_a_walker_turns_round_where_it_gets_no_further():
     side = np.sign(states[0, 0] - 4.0)
     assert (np.sign(states[:, 0] - 4.0) == side).all()
     assert np.count_nonzero(np.diff(np.sign(states[:, 2]))) >= 4
+
+
+def test_people_in_a_narrow_corridor_push_the_robot_nowhere():
+    """It stands where two of them cannot pass; they turn round, and do not sink into the walls."""
+    walls = [[0.0, 1.0, 8.0, 1.0]]
+    walkers = [Walker(route=((0.5, 0.5), (7.5, 0.5))) for _ in range(5)]
+    scene = Scene(world_of(start=(4.0, 0.35, 0.0), walls=walls, walkers=walkers))
+    travelled = np.zeros(5)
+    for _ in range(600):
+        before = scene.walkers
+        scene.steps(1)
+        travelled += np.hypot(*(scene.walkers - before)[:, :2].T)
+        assert gap_of(scene, 4.0, 0.35) < 0.02
+        beyond = np.maximum(-scene.segments[:, 1], scene.segments[:, 1] - 1.0)
+        assert beyond.max() < 0.04
+    assert travelled.min() > 10.0
+
+
+def test_people_press_no_light_box_into_a_wall():
+    """A robot drives about among three boxes and two people in a narrow room."""
+    boxes = [
+        Box(at=(1.6 + k, 0.35), heading=0.2, length=0.3, width=0.3, mass=0.5) for k in (0, 1, 2)
+    ]
+    routes = [((0.5, 1.2), (5.5, 1.2)), ((0.5, 1.0), (5.5, 1.0))]
+    walkers = [Walker(route=route, speed=(1.0, 2.0)) for route in routes]
+    for key in range(6):
+        world = world_of(start=(0.6, 0.75, 0.0), size=(6.0, 1.5), boxes=boxes, walkers=walkers)
+        scene = Scene(world, key)
+        rng = np.random.default_rng(key)
+        for step in range(1500):
+            if step % 25 == 0:
+                turn_rate = rng.uniform(-2, 2) * rng.integers(0, 2)
+            scene.steps(1, 1.0, turn_rate)
+            corners = scene.segments[:12]
+            beyond = np.maximum(-corners, corners - (6.0, 1.5, 6.0, 1.5))
+            assert beyond.max() < Limits().box_overlap
 
 
 def test_walkers_pass_each_other_without_touching():

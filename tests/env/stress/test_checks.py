@@ -14,6 +14,7 @@ from albot_env.stress.checks import (
     Limits,
     all_keys,
     check_body,
+    check_boxes,
     check_info,
     check_laser,
     check_observation,
@@ -120,6 +121,22 @@ def test_a_body_that_touches_a_thing_is_not_in_it():
     assert check_obstacles(thing, touching, LIMITS) == []
     assert "deep in something that moves" in check_obstacles(thing, touching - (0, 2e-6), LIMITS)[0]
     assert check_obstacles(np.empty((0, 4)), touching, LIMITS) == []
+
+
+def test_a_box_at_a_wall_is_not_in_it():
+    box = np.array([[[1.0, 0], [1.5, 0], [1.5, 0.5], [1, 0.5]]])
+    shallow, deep = (box - (0, LIMITS.box_overlap + depth) for depth in (-1e-6, 1e-6))
+    assert check_boxes(BOX, box, shallow, LIMITS) == []
+    assert check_boxes(BOX, box[:0], box[:0], LIMITS) == []
+    assert check_boxes(BOX, box, deep, LIMITS) == [
+        "box 0 stands 0.060 m deep in wall 0, (0.00, 0.00) to (4.00, 0.00)"
+    ]
+
+
+def test_a_box_that_has_gone_through_a_wall():
+    box = np.array([[[1.0, 0], [1.5, 0], [1.5, 0.5], [1, 0.5]]])
+    wrong = check_boxes(BOX, box, box - (0, 0.6), LIMITS)
+    assert wrong == ["box 0 went through wall 0, (0.00, 0.00) to (4.00, 0.00)"]
 
 
 def test_a_beam_that_grazes_the_end_of_a_wall_may_miss_it():

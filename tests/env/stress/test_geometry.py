@@ -7,7 +7,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from albot_env.stress.geometry import nearest_in_cones, ray_ranges, wall_distances, walls_crossed
+from albot_env.stress.geometry import (
+    depths_in,
+    nearest_in_cones,
+    ray_ranges,
+    wall_distances,
+    walls_crossed,
+)
 
 BOX = np.array([[0.0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]])
 
@@ -52,6 +58,19 @@ def test_ways_are_shapelys(seed: int):
     expected = shapely.distance(met, shapely.Point(pose[:2]))
     expected = np.where(np.isnan(expected), np.inf, expected).min(axis=1)
     assert np.allclose(ray_ranges(walls, pose, bearings), expected, atol=1e-7)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_depths_in_a_polygon_are_those_of_the_deepest_of_many_points(seed: int):
+    walls, rng = any_walls(seed), np.random.default_rng((seed, 1))
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 5))
+    corners = 3 * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    shares = np.linspace(0, 1, 500)[:, np.newaxis, np.newaxis]
+    points = shapely.points(walls[:, :2] + shares * (walls[:, 2:] - walls[:, :2]))
+    polygon = shapely.Polygon(corners)
+    inside = shapely.contains(polygon, points)
+    expected = np.where(inside, shapely.distance(points, polygon.exterior), 0.0).max(axis=0)
+    assert np.allclose(np.maximum(depths_in(walls, corners), 0.0), expected, atol=0.03)
 
 
 @given(st.integers(0, 2**32 - 1))
