@@ -29,7 +29,7 @@ def rows_of(choices: Sequence[MapperChoice], results: Sequence[RunResult]) -> li
     """Return a row for each mapper: the medians over its runs, its worst error, and its runs."""
     rows = []
     for choice in choices:
-        runs = [result.figures for result in results if result.run.choice.label == choice.label]
+        runs = [result.figures for result in results if result.figures["mapper"] == choice.label]
         runs.sort(key=lambda run: run["seed"])
         whole = [run for run in runs if run["error"] is None]
         figures = {key: _median([run[key] for run in whole]) for key in _keys(whole)}
@@ -150,9 +150,9 @@ def panels_of(
 ) -> list[Panel]:
     """Return the maps of the first seed, in the order of the rows."""
     drawn = {
-        result.run.choice.label: result
+        result.figures["mapper"]: result
         for result in results
-        if result.run.source.seed == source.seed
+        if result.figures["seed"] == source.seed
     }
     panels = []
     for row in rows:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,8 @@ from albot_core.evaluation.trajectory import (
 from albot_core.logs.log import Log
 from albot_core.maps.layers import MapSnapshot
 
+_STATUS = Path("/proc/self/status")
+"""Where Linux tells of this process's memory."""
 _LOADING = 5.0
 """Duration of a run's warm-up (s), in which all compiled code is loaded."""
 KEPT = (
@@ -79,10 +83,8 @@ class MapperRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult:
-    """The result of a run."""
+    """The result of a run. It does not hold the log: many results would take much memory."""
 
-    run: MapperRun
-    """The run."""
     figures: dict[str, Any]
     """A row of the comparison, by the keys of its JSON."""
     snapshot: MapSnapshot | None = None
@@ -99,7 +101,7 @@ class MapperRunner(TaskRunner[MapperRun, "RunResult | InputError"]):
         try:
             if task.compiles:
                 warm_up(task.choice.name, task.choice.config, task.source.log)
-                return RunResult(run=task, figures={})
+                return RunResult(figures=no_figures(task))
             return measure_run(task, on_step)
         except InputError as error:
             return error
@@ -107,7 +109,7 @@ class MapperRunner(TaskRunner[MapperRun, "RunResult | InputError"]):
     def on_crash(self, task: MapperRun, step: int, cause: str) -> RunResult:
         """Return a row with the cause of the crash and the reading at which it happened."""
         figures = {**no_figures(task), "error": f"{cause}, at reading {step} or soon after"}
-        return RunResult(run=task, figures=figures)
+        return RunResult(figures=figures)
 
 
 def no_figures(run: MapperRun) -> dict[str, Any]:
@@ -152,7 +154,7 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
         "slowest_reading_ms": 1e3 * mapped.slowest,
         "peak_mib": _peak_mib(),
     }
-    return RunResult(run=run, figures=figures, snapshot=mapped.mapper.snapshot(), path=path)
+    return RunResult(figures=figures, snapshot=mapped.mapper.snapshot(), path=path)
 
 
 def _unaligned(believed: Trajectory, reference: Trajectory | None) -> float | None:
@@ -174,6 +176,10 @@ def _peak_mib() -> float | None:
     """Return the peak memory of this process so far (MiB); None if the system does not tell."""
     if sys.platform == "win32":
         return None
+    # On Linux `getrusage` counts the memory of the process that started this one, too.
+    status = _STATUS.read_text() if _STATUS.exists() else ""
+    if found := re.search(r"^VmHWM:\s*(\d+) kB$", status, re.MULTILINE):
+        return float(found[1]) / 1024.0
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -203,6 +209,6 @@ def compare_mappers(
             for done, result in enumerate(results, start=1):
                 if isinstance(result, InputError):
                     raise result
-                tell(done, result.run.choice.label)
-                if not result.run.compiles:
+                tell(done, result.figures["mapper"])
+                if tasks is runs:
                     yield result
