@@ -4,9 +4,9 @@ D. Helbing and P. Molnár, "Social force model for pedestrian dynamics", Physica
 4282 (1995). Equation numbers are that paper's, and so are the constants unless noted. We depart
 from it in four ways. A walker follows the straight legs of a route and aims at a point one
 metre ahead along them, so that a push aside cannot lead it into a dead end. It is a disc, not a
-point: distances are reduced by the radii. And instead of the paper's random fluctuations, it
-steps to the side of anyone in its way and turns round when it makes no progress. And forces do
-not press it into the robot or a box: it stops before them, since 75 kg would push both about.
+point: distances are reduced by the radii. Instead of the paper's random fluctuations, it steps to
+the side of anyone in its way and turns round when it makes no progress. And it stops before the
+robot and before boxes, into which the paper's forces may press it: it would push both about.
 """
 
 from __future__ import annotations

@@ -20,6 +20,9 @@ from albot_core.counts import many
 if TYPE_CHECKING:
     from albot_agents.stress import Episode, Outcome
 
+_LARGEST_SEED = 2**64 - 1
+"""Largest seed of a random world."""
+
 
 @click.command()
 @click.option(
@@ -47,7 +50,7 @@ if TYPE_CHECKING:
     "--seed",
     default=0,
     show_default=True,
-    type=click.IntRange(0, 2**64 - 1),
+    type=click.IntRange(0, _LARGEST_SEED),
     help="The first seed, of worlds and episodes.",
 )
 @click.option(

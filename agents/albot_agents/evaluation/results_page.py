@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from albot_agents.evaluation.comparison import Figures
+from albot_agents.evaluation.comparison import COMPARISONS, Figures
 from albot_core.files import write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
@@ -50,6 +50,9 @@ def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, A
     for row, found in figures.items():
         kept = {key: found[key] for key in ("episodes", *_KEYS) if found.get(key) is not None}
         rows.append({**asdict(row), "command": command, **kept})
+    # The page's order does not depend on which tasks were measured last.
+    order = {comparison.task: k for k, comparison in enumerate(COMPARISONS)}
+    rows.sort(key=lambda row: order.get(row["task"], len(order)))
     write_text(path, json.dumps(rows, indent=1) + "\n")
     return read_figures(path)
 

@@ -126,10 +126,8 @@ def with_a_fine_laser(log: Log, rng: np.random.Generator) -> Log:
         is_wall = (np.abs(first - last) < SAME_WALL) | _are_straight(log.ranges, log.geometry)
         on_line = 2 * np.cos(log.geometry.spacing / 2) * first * last / (first + last)
     ranges = np.empty((len(first), 2 * first.shape[1] + 1))
-    ranges[:, ::2], ranges[:, 1::2] = (
-        log.ranges,
-        np.where(is_wall, on_line, np.minimum(first, last)),
-    )
+    ranges[:, ::2] = log.ranges
+    ranges[:, 1::2] = np.where(is_wall, on_line, np.minimum(first, last))
     geometry = replace(log.geometry, beams=ranges.shape[1], spacing=log.geometry.spacing / 2)
     motions = relative(log.odometry[:-1], log.odometry[1:])
     motions[:, 2] += rng.uniform(-FINE_TURN, FINE_TURN, len(motions))
@@ -144,13 +142,18 @@ def _are_straight(
     Either of the two is within `STRAIGHT` of the line through the other and the point beyond it.
     """
     run = np.diff(ranges[..., None] * geometry.directions, axis=1)
-    is_straight = np.zeros(run.shape[:2], np.bool_)
-    between = run[:, 1:-1]
-    is_straight[:, 1:-1] = True
-    for beyond in (run[:, :-2], run[:, 2:]):
-        across = beyond[..., 0] * between[..., 1] - beyond[..., 1] * between[..., 0]
-        is_straight[:, 1:-1] &= np.abs(across) < STRAIGHT * np.hypot(beyond[..., 0], beyond[..., 1])
+    before, between, after = run[:, :-2], run[:, 1:-1], run[:, 2:]
+    is_straight = np.zeros(run.shape[:2], np.bool_)  # The first and the last have no point beyond.
+    is_straight[:, 1:-1] = _is_beside(between, before) & _is_beside(between, after)
     return is_straight
+
+
+def _is_beside(
+    run: Float64[np.ndarray, "readings gaps 2"], line: Float64[np.ndarray, "readings gaps 2"]
+) -> Bool[np.ndarray, "readings gaps"]:
+    """Whether a run from a line's point ends within `STRAIGHT` of the line."""
+    across = line[..., 0] * run[..., 1] - line[..., 1] * run[..., 0]
+    return np.asarray(np.abs(across) < STRAIGHT * np.hypot(line[..., 0], line[..., 1]))
 
 
 def with_a_frozen_odometer(log: Log, _: np.random.Generator) -> Log:
