@@ -36,8 +36,7 @@ class Sensors:
     def ground_laser(self) -> LaserConfig:
         """The laser that decides which ground is covered; an LMS-200 if the robot has no laser.
 
-        Environments use it to measure coverage, and the driver of the outward journeys uses it to
-        find the way. A robot without a laser does not get its ranges.
+        Environments use it to measure coverage. A robot without a laser does not get its ranges.
         """
         return self.laser or LMS_200
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from albot_agents.evaluation.plan import Trial
     from albot_agents.evaluation.trial import Outcome
 
-_FIGURES, _PICTURE = "evaluation.json", "failures.png"
+_FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv"
 
 
 @click.command()
@@ -40,6 +40,11 @@ _FIGURES, _PICTURE = "evaluation.json", "failures.png"
 )
 @click.option(
     "--seeds", default="1000..1019", show_default=True, metavar="A..B", help="Both included."
+)
+@click.option(
+    "--against",
+    metavar="AGENT",
+    help="Run this agent through the same episodes, too, and tell the differences.",
 )
 @click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
 @mapper_config_option
@@ -60,7 +65,8 @@ _FIGURES, _PICTURE = "evaluation.json", "failures.png"
 @click.option(
     "--out",
     type=PathType(file_okay=False),
-    help="Folder for evaluation.json and, of tasks that can succeed, a picture of the failures.",
+    help="Folder for evaluation.json, episodes.csv (a row an episode) and, of tasks that can "
+    "succeed, a picture of the failures.",
 )
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
@@ -69,6 +75,7 @@ def command(
     agent: str,
     worlds: tuple[str, ...],
     seeds: str,
+    against: str | None,
     mapper: str | None,
     mapper_config: Path | None,
     odometer: str,
@@ -82,15 +89,23 @@ def command(
     """Run an agent through many episodes of TASK, such as homing (or Albot/Homing-v0).
 
     The figures are: success with its 95 % Wilson interval, success weighted by path length (SPL,
-    mean and median, with bootstrapped 95 % intervals), and the final distance from home. If Ctrl-C
-    stops it, the exit status is 130 and the figures are those of the episodes so far.
+    mean and median, with bootstrapped 95 % intervals), and the final distance from home. World,
+    start, outward journey, tour, boxes and people of an episode depend on its world and seed alone,
+    so that agents can be compared episode by episode (--against). --mapper and its parameters are
+    for both agents. If Ctrl-C stops it, the exit status is 130 and the figures are those of the
+    episodes so far.
     """
+    from albot_agents.evaluation.paired import check_same_episodes
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import check_agent, find_agent
     from albot_agents.task import find_task
 
     task = find_task(task)
-    check_agent(agent, task)
+    agents = [agent] if against is None else [agent, against]
+    if against == agent:
+        raise InputError("--against", f"an agent other than {agent}", against)
+    for name in agents:
+        check_agent(name, task)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
     if mapper is not None:
@@ -98,34 +113,50 @@ def command(
     if steps is not None:
         settings["max_episode_steps"] = steps
     if outward is not None:
-        settings["config"] = _way_out(task, outward)
+        settings["config"] = way_out(task, outward)
     if out is not None:
-        check_folder(out, (_FIGURES, _PICTURE), force=force)
-    mapper_parameters = {} if mapper_config is None else {"mapper_config": mapper_config}
-    untrained = entry.untrained_settings(settings | mapper_parameters)
-    settings = entry.environment(task, settings)
-    inside = settings.get("mapper", entry.mapper)
-    if mapper_config is not None:
-        settings["mapper_config"] = read_robots_config(inside, mapper_config)
-    trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
-    trials[0].make().close()  # Invalid settings raise before the work begins.
-    for setting in untrained:
-        click.echo(f"albot: {agent} was not trained with {setting}", err=True)
+        check_folder(out, (_FIGURES, _PICTURE, _EPISODES), force=force)
+    trials = []
+    chosen = {name: _settings(task, name, settings, mapper_config) for name in agents}
+    for name, (its, untrained) in chosen.items():
+        trials.append(plan_trials(task, name, worlds, parse_seeds(seeds), its))
+        trials[-1][0].make().close()  # Invalid settings raise before the work begins.
+        for setting in untrained:
+            click.echo(f"albot: {name} was not trained with {setting}", err=True)
+    check_same_episodes({name: some[0] for name, some in zip(agents, trials, strict=True)})
+    its, untrained = chosen[agent]
     began = time.perf_counter()
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
-    facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
+    facts: dict[str, Any] = {"task": task, "agent": agent}
+    facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
     facts["untrained"] = untrained
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
-    facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes)}
+    facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
+    facts["against"] = None if against is None else _against(against, outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:
-        _save(out, facts, outcomes)
+        _save(out, facts, outcomes, mapper_config)
     click.echo(json.dumps(facts) if as_json else _as_text(facts))
     return STOPPED if stopped else 0
 
 
-def _way_out(task: str, text: str) -> Any:
+def _settings(
+    task: str, agent: str, wanted: dict[str, Any], mapper_config: Path | None
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the settings of an agent's environments, and those that it was not trained with."""
+    from albot_agents.registry import find_agent
+
+    entry = find_agent(agent)
+    parameters = {} if mapper_config is None else {"mapper_config": mapper_config}
+    settings = entry.environment(task, wanted)
+    if mapper_config is not None:
+        inside = settings.get("mapper", entry.mapper)
+        settings["mapper_config"] = read_robots_config(inside, mapper_config)
+    return settings, entry.untrained_settings(wanted | parameters)
+
+
+def way_out(task: str, text: str) -> Any:
     """Return the task's configuration with an outward journey of length `A..B` (m)."""
     from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
     from albot_env.tasks.homing.task import HomingConfig, HomingTask
@@ -144,25 +175,47 @@ def _way_out(task: str, text: str) -> Any:
     return HomingConfig(outing=OutwardJourneyConfig(shortest=shortest, longest=longest))
 
 
-def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:
-    """Return the outcomes in the order of the trials, and whether Ctrl-C stopped the run."""
+def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], bool]:
+    """Run the trials of all agents, in turn, so that what is interrupted has the same episodes.
+
+    Args:
+        trials: The trials of each agent, all in the same order.
+        jobs: Number of processes.
+
+    Returns:
+        The outcomes of each agent, of those trials that all have ended, in the order of the
+        trials; and whether Ctrl-C stopped the run.
+    """
     from albot_agents.evaluation.trial import TrialRunner
     from albot_agents.workers import run_parallel
 
-    done: dict[int, Outcome] = {}
+    done: dict[tuple[str, int], Outcome] = {}
     stopped = False
-    numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials)}
-    results = run_parallel(TrialRunner(), trials, min(jobs, len(trials)))
+    numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials[0])}
+    all_trials = [trial for paired in zip(*trials, strict=True) for trial in paired]
+    results = run_parallel(TrialRunner(), all_trials, min(jobs, len(all_trials)))
     try:
-        with progress("evaluate", len(trials), "episodes") as update, closing(results):
+        with progress("evaluate", len(all_trials), "episodes") as update, closing(results):
             for outcome in results:
                 if isinstance(outcome, InputError):
                     raise outcome
-                done[numbers[outcome.trial.world, outcome.trial.seed]] = outcome
+                trial = outcome.trial
+                done[trial.agent, numbers[trial.world, trial.seed]] = outcome
                 update(len(done))
     except KeyboardInterrupt:
         stopped = True
-    return [done[k] for k in sorted(done)], stopped
+    agents = [some[0].agent for some in trials]
+    ended = [k for k in range(len(numbers)) if all((agent, k) in done for agent in agents)]
+    return [[done[agent, k] for k in ended] for agent in agents], stopped
+
+
+def _against(agent: str, outcomes: list[list[Outcome]]) -> dict[str, Any]:
+    """Return the figures of the other agent, and the differences in the same episodes."""
+    from albot_agents.evaluation.paired import paired_differences
+
+    figures = _summary(outcomes[1])
+    del figures["worlds"]
+    return {"agent": agent, **figures, "differences": paired_differences(*outcomes)}
 
 
 def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
@@ -171,17 +224,23 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
     return summarise(outcomes)
 
 
-def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
-    """Write the figures and the picture; add their paths to `facts`."""
+def _save(
+    out: Path, facts: dict[str, Any], outcomes: list[list[Outcome]], mapper_config: Path | None
+) -> None:
+    """Write the figures, the episodes and the picture; add their paths to `facts`."""
+    from albot_agents.evaluation.paired import episodes_csv
     from albot_core.files import write_text
 
-    facts["files"]["figures"] = str(out / _FIGURES)
+    facts["files"] |= {"figures": str(out / _FIGURES), "episodes": str(out / _EPISODES)}
+    options = [] if mapper_config is None else ["--mapper-config", str(mapper_config)]
     with filled_folder(out) as scratch:
         if facts["success_rate"] is not None:
             from albot_agents.evaluation.picture import save_failures
 
-            save_failures(outcomes, scratch / _PICTURE)
+            save_failures(outcomes[0], scratch / _PICTURE)
             facts["files"]["failures"] = str(out / _PICTURE)
+        episodes = [outcome for some in outcomes for outcome in some]
+        write_text(scratch / _EPISODES, episodes_csv(episodes, options))
         write_text(scratch / _FIGURES, json.dumps(facts, indent=1))
 
 
@@ -231,5 +290,22 @@ def _as_text(facts: dict[str, Any]) -> str:
         lines.append(
             f"  rooms     {facts['rooms_share']:.0%} entered  (95 %: {low:.0%} to {high:.0%})"
         )
+    if facts["against"] is not None:
+        lines += _differences(facts["against"])
     lines += [f"  {name:<9} {path}" for name, path in facts["files"].items()]
     return "\n".join(lines)
+
+
+def _differences(against: dict[str, Any]) -> list[str]:
+    """Return the differences from the other agent as lines of text."""
+    from albot_agents.evaluation.paired import FIGURES
+
+    lines = [f"  less {against['agent']} in the same episodes:"]
+    for name, found in against["differences"].items():
+        low, high = found["ci95"]
+        lines.append(
+            f"    {FIGURES[name]:<19}{found['mean']:+.3f}  (95 %: {low:+.3f} to {high:+.3f}); "
+            f"larger in {found['larger']}, smaller in {found['smaller']}, "
+            f"equal in {found['equal']}"
+        )
+    return lines

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli.evaluate import way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
 from albot_cli.path_type import PathType
@@ -43,6 +44,7 @@ RUN_ONLY = (
     "agent",
     "seed",
     "steps",
+    "outward",
     "record",
     "no_movables",
     *SENSORS,
@@ -85,6 +87,11 @@ RUN_ONLY = (
 )
 @click.option(
     "--scenes", help="ideal, paper, ambiguous or none.  [default: the agent's own, or none]"
+)
+@click.option(
+    "--outward",
+    metavar="A..B",
+    help="Length of the outward journey of homing, in metres.  [default: 30..100]",
 )
 @click.option(
     "--no-movables", is_flag=True, help="Leave out the doors, boxes and people that worlds have."
@@ -199,6 +206,7 @@ def _run(
     speed: float | None,
     headless: bool,
     no_movables: bool,
+    outward: str | None,
     **sensors: str | None,
 ) -> dict[str, Any]:
     """Run an episode and return its summary. `sensors` holds the presets of `SENSORS`."""
@@ -219,6 +227,8 @@ def _run(
     asked: dict[str, Any] = {"mapper": mapper, **sensors}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}
+    if outward is not None:
+        settings["config"] = way_out(task, outward)
     settings = entry.environment(task, settings)
     mapper = settings.get("mapper", entry.mapper)
     if mapper_config is not None:

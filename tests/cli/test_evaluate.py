@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import sys
 from collections.abc import Callable
@@ -57,6 +58,36 @@ def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
     assert [row["world"] for row in found["worlds"]] == ["square-loop"]
     assert found == json.loads((tmp_path / "new" / "evaluation.json").read_text())
     assert (tmp_path / "new" / "failures.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "new" / "episodes.csv").read_text().splitlines()) == 1 + 2
+
+
+def test_two_agents_in_the_same_episodes(
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("evaluate", "homing", "--agent", "path-integration", "--against", "homing", *TINY)
+    status, out, err = run(*words, "--seeds", "3..5", "--out", str(tmp_path), "--json")
+    assert (status, err) == (0, "")
+    found = json.loads(out)
+    assert (found["agent"], found["episodes"]) == ("path-integration", 3)
+    against = found["against"]
+    assert (against["agent"], against["episodes"]) == ("homing", 3)
+    difference = against["differences"]["soft_spl"]
+    assert difference["mean"] == pytest.approx(found["soft_spl"] - against["soft_spl"])
+    assert difference["ci95"][0] <= difference["mean"] <= difference["ci95"][1]
+    with (tmp_path / "episodes.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    agents = ("path-integration", "homing")
+    assert [(row["agent"], row["seed"]) for row in rows] == [
+        (agent, seed) for agent in agents for seed in ("3", "4", "5")
+    ]
+    for ours, theirs in zip(rows[:3], rows[3:], strict=True):
+        for name in ("start", "begin", "initial_distance_home", "outward_length"):
+            assert ours[name] == theirs[name]
+    status, out, _ = run(*words, "--seeds", "3..5")
+    assert "less homing in the same episodes" in out
+    status, _, err = run(*words[:5], words[3], *TINY)
+    assert (status, "--against: expected an agent other than path-integration" in err) == (2, True)
 
 
 def test_a_full_disk_leaves_no_folder(
@@ -66,7 +97,7 @@ def test_a_full_disk_leaves_no_folder(
     words = ("evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3", *TINY)
     status, _, err = run(*words, "--out", str(tmp_path / "new"))
     assert status == 2
-    assert f"albot: cannot write {tmp_path / 'new' / 'evaluation.json'}: No space" in err
+    assert f"albot: cannot write {tmp_path / 'new' / 'episodes.csv'}: No space" in err
     assert not list(tmp_path.iterdir())
 
 

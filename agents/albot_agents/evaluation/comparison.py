@@ -1,8 +1,9 @@
 """The table of results: agents compared in the same episodes of the same tasks.
 
 `COMPARISONS` lists which agents are compared in which task, with which odometers and worlds. For
-each world and seed every agent runs one episode, all in one process (`PairedTrials`), so that they
-share outward journeys.
+each world and seed every agent runs one episode (`PairedTrials`): the same world, start, outward
+journey or tour, and people and boxes. Its own are its sensors with their noise, its map and what it
+does.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
+from albot_agents.evaluation.paired import check_same_episodes, paired_differences
 from albot_agents.evaluation.plan import Trial, plan_trials
 from albot_agents.evaluation.summary import summarise
 from albot_agents.evaluation.trial import Outcome, run_trial
@@ -31,7 +33,9 @@ class Comparison:
     task: str
     """Id of the environment."""
     agents: tuple[str, ...]
-    """Names of the agents."""
+    """Names of the agents. The differences of the others from the first are told."""
+    figure: str
+    """The figure whose differences are told (see `paired.FIGURES`)."""
     odometers: tuple[str, ...] = ("pioneer",)
     """Presets of odometer noise."""
     kinds: tuple[str, ...] = (OFFICES, APARTMENTS, PLANS)
@@ -53,20 +57,20 @@ COMPARISONS = (
             "random",
         ),
         odometers=("pioneer", "poor"),
-        # So many that two episodes hardly ever share a journey; all agents of an episode share it.
-        settings={"journeys": 2**31},
+        figure="spl",
     ),
     Comparison(
         task="Albot/Explore-v0",
         agents=("gap-explorer", "nearest-frontier", "exploring", "random"),
+        figure="coverage_auc",
     ),
-    Comparison(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random")),
+    Comparison(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random"), figure="spl"),
     # Rooms are the ground truth of places; the floor plans divide rooms unlike a robot sees them.
     Comparison(
         task="Albot/PlaceRecognition-v0",
         agents=("place-judge", "place-recognition", "random"),
+        figure="recall",
         kinds=(OFFICES, APARTMENTS),
-        settings={"journeys": 2**31},
     ),
 )
 """The content of the table."""
@@ -80,11 +84,13 @@ class TableRow:
     agent: str
     odometer: str
     kind: str
+    figure: str
+    """The figure whose difference from the first agent of the comparison is told."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairedTrials:
-    """One episode per agent, with the same world, seed and noise."""
+    """The same episode for each agent."""
 
     rows: tuple[TableRow, ...]
     """The rows that the episodes belong to."""
@@ -105,7 +111,7 @@ def plan_paired_trials(
         seeds: The seeds of each kind.
 
     Raises:
-        InputError: There is no such agent or world.
+        InputError: There is no such agent or world, or an agent would meet other episodes.
     """
     return [
         paired
@@ -126,9 +132,16 @@ def _pair_trials(
         settings = find_agent(agent).environment(comparison.task, wanted)
         columns.append(plan_trials(comparison.task, agent, worlds, seeds, settings))
     rows = tuple(
-        TableRow(task=comparison.task, agent=agent, odometer=odometer, kind=kind)
+        TableRow(
+            task=comparison.task,
+            agent=agent,
+            odometer=odometer,
+            kind=kind,
+            figure=comparison.figure,
+        )
         for agent in comparison.agents
     )
+    check_same_episodes({row.agent: trials[0] for row, trials in zip(rows, columns, strict=True)})
     for trials in zip(*columns, strict=True):
         yield PairedTrials(rows=rows, trials=trials)
 
@@ -144,7 +157,7 @@ Outcomes = tuple[int, list[Outcome]] | InputError
 
 
 class PairedTrialsRunner(TaskRunner[Numbered, Outcomes]):
-    """Runs paired trials in one process, so that journeys that agents share are made once."""
+    """Runs paired trials."""
 
     def run(self, task: Numbered, on_step: Callable[[int], None]) -> Outcomes:
         """Run all episodes of paired trials."""
@@ -187,7 +200,22 @@ def run_paired_trials(
             done[number] = outcomes
             on_done(len(done))
     rows: dict[TableRow, list[Outcome]] = {}
+    references: dict[TableRow, TableRow] = {}
     for number, paired in enumerate(planned):
         for row, outcome in zip(paired.rows, done[number], strict=True):
             rows.setdefault(row, []).append(outcome)
-    return {row: summarise(outcomes) for row, outcomes in rows.items()}
+            references[row] = paired.rows[0]
+    return {
+        row: {**summarise(outcomes), **_difference(row, outcomes, rows[references[row]])}
+        for row, outcomes in rows.items()
+    }
+
+
+def _difference(
+    row: TableRow, outcomes: Sequence[Outcome], others: Sequence[Outcome]
+) -> dict[str, Any]:
+    """Return the difference from the first agent of the comparison; nothing for that one."""
+    found = paired_differences(outcomes, others).get(row.figure)
+    if outcomes is others or found is None:
+        return {}
+    return {"difference": found["mean"], "difference_ci95": found["ci95"]}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from albot_agents.evaluation.comparison import COMPARISONS, Figures
+from albot_agents.evaluation.paired import FIGURES
 from albot_core.files import write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
@@ -17,12 +18,13 @@ from albot_core.yaml_document import format_value
 _KEYS = (
     "success_rate", "ci95", "spl", "spl_ci95", "soft_spl", "mean_final_distance_m",
     "collisions_per_m", "coverage_auc", "coverage_auc_ci95", "rooms_share", "rooms_share_ci95",
-    "precision", "recall", "recall_ci95", "mean_coverage",
+    "precision", "recall", "recall_ci95", "mean_coverage", "difference", "difference_ci95",
 )  # fmt: skip
 """Figures kept per row, if they are known."""
 
 _REQUIRED_FIELDS = {
-    "task": str, "agent": str, "odometer": str, "kind": str, "command": str, "episodes": int,
+    "task": str, "agent": str, "odometer": str, "kind": str, "figure": str, "command": str,
+    "episodes": int,
 }  # fmt: skip
 """Keys that every row has, and the types of their values."""
 
@@ -88,9 +90,12 @@ def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
         "# Results",
         "",
         "All agents, measured in buildings and with odometers that were not used for training or",
-        "tuning. The agents of a row of worlds meet the same worlds, journeys and noise. In",
-        "brackets: 95 % intervals, Wilson's for rates and bootstrapped ones for means. A dash: no",
-        "figure, such as the precision of an agent that claims nothing.",
+        "tuning. With one odometer in one kind of worlds all agents of a task meet the same",
+        "episodes: world, start, outward journey or tour, boxes and people. Their sensors, with",
+        "noise of their own, their maps and what they do differ. In brackets: 95 % intervals,",
+        "Wilson's for rates and bootstrapped ones for means. The last column is the mean",
+        "difference from the first agent, episode by episode. A dash: no figure, such as the",
+        "precision of an agent that claims nothing.",
         "[environments.md](environments.md) explains the columns.",
     ]
     for task in dict.fromkeys(row["task"] for row in rows):
@@ -102,11 +107,13 @@ def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Iterable[str]:
     columns = {name: how for name, how in _COLUMNS.items() if any(how[0] in row for row in rows)}
-    yield "| worlds | odometer | agent | episodes | " + " | ".join(columns) + " |"
-    yield "|---" * (4 + len(columns)) + "|"
+    names = [*columns, f"{FIGURES[rows[0]['figure']]} less the first's"]
+    yield "| worlds | odometer | agent | episodes | " + " | ".join(names) + " |"
+    yield "|---" * (4 + len(names)) + "|"
     for row in rows:
         cells = [row["kind"], row["odometer"], f"`{row['agent']}`", str(row["episodes"])]
         cells += [_written(row, *how) for how in columns.values()]
+        cells.append(_written(row, "difference", "difference_ci95", "{:+.2f}"))
         yield "| " + " | ".join(cells) + " |"
 
 
@@ -116,5 +123,6 @@ def _written(row: Mapping[str, Any], key: str, interval: str | None, form: str) 
     text = form.format(row[key])
     if interval is not None and interval in row:
         low, high = row[interval]
-        text += f" ({form.format(low)}–{form.format(high)})"
+        dash = " to " if "+" in form else "–"
+        text += f" ({form.format(low)}{dash}{form.format(high)})"
     return text

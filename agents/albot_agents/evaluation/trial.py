@@ -30,6 +30,8 @@ class Outcome:
     """The last info: the ground truth at the end."""
     start: Pose
     """Pose of home (world frame)."""
+    begin: Pose
+    """Pose at the beginning of the episode (world frame)."""
     path: Float64[np.ndarray, "steps 2"]
     """The agent's path (m, world frame)."""
     collisions: int
@@ -60,6 +62,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
         agent = make_agent(trial.agent, env.get_wrapper_attr("observation_config"), trial.task)
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
+        begin = info["pose"]
         path, coverages = [info["pose"][:2]], [info.get("coverage")]
         explores = info["path_length"] == 0.0  # No outward journey covered ground.
         collisions, touched, over = 0, False, False
@@ -77,6 +80,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
         trial=trial,
         info=info,
         start=info["start"],
+        begin=begin,
         path=np.array(path),
         collisions=collisions,
         **(_explored(trial, np.array(path), coverages) if explores else {}),

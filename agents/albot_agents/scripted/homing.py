@@ -18,9 +18,11 @@ from albot_agents.scripted.driving import (
     decode_sonar,
 )
 from albot_core.geometry.poses import compose, inverse, transform_points
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.planning.navigator import GoalSeeker, Navigator
+from albot_core.planning.percept import Percept
 from albot_core.planning.sonar_driver import SonarDriver
+from albot_core.planning.steering import Command, admissible_command
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
@@ -192,9 +194,11 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
 class Oracle(DrivingAgent[GoalSeeker]):
     """The upper bound: knows the ground truth, but still has to drive.
 
-    It takes from `info` the robot's pose (`pose`), its start (`start`) and the next turning point
-    of the shortest path home (`next_turn_home`). Outside `Albot/Homing-v0` it heads straight for
-    the start.
+    It takes from `info` the robot's pose (`pose`), its start (`start`), the next turning point of
+    the shortest path home (`next_turn_home`) and that path's length (`distance_home`). It turns on
+    the spot towards the turning point and drives there straight, as slowly as the robot's
+    acceleration demands. Where something holds it up, it pushes on, and then drives around it by
+    its laser. Outside `Albot/Homing-v0` it heads straight for the start.
 
     Args:
         observation_config: The environment's observation config.
@@ -206,15 +210,69 @@ class Oracle(DrivingAgent[GoalSeeker]):
 
     ARRIVED = 0.2
     """Distance to home at which it stops (m)."""
+    CLEARANCE = 0.3
+    """Distance from walls (m) at which it passes turning points; its body has a radius of 0.25."""
+    TURN_FIRST = 0.2
+    """Angle to the turning point above which it turns on the spot (rad)."""
+    BRAKING = 0.8
+    """Deceleration towards a turning point (m/s²); the wheels can brake with 1 m/s²."""
+    SLOWEST = 0.15
+    """Speed at a turning point (m/s)."""
+    GAIN = 4.0
+    """Turn rate per radian between heading and turning point (1/s)."""
+    CAREFUL_STEPS, PUSHING_STEPS, DETOUR_STEPS = 30, 60, 60
+    """Number of steps without progress for which it brakes before obstacles; then drives on
+    although it may touch them; and then drives around them by its laser."""
+    NEARER = 0.1
+    """Least decrease of the way home that counts as progress (m)."""
 
     def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
         super().__init__(observation_config, GoalSeeker(), claims=claims)
 
+    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+        """Begin a new episode."""
+        super().reset(rng, actions)
+        self._nearest = np.inf
+        self._steps_without_progress = 0
+
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the action that drives on along the shortest path, or declares home."""
-        percept = self._decode(observation)
         pose, home = info["pose"], info["start"][:2]
-        if np.hypot(*(home - pose[:2])) < self.ARRIVED:
+        distance = float(np.hypot(*(home - pose[:2])))
+        if distance < self.ARRIVED:
             return self._declare()
         turn = transform_points(inverse(pose), info.get("next_turn_home", home))
-        return self._drive(self._driver.command(percept, turn), observation)
+        percept = self._decode(observation)
+        steps = self._count_steps(info.get("distance_home", distance))
+        if steps > self.CAREFUL_STEPS + self.PUSHING_STEPS:
+            return self._drive(self._driver.command(percept, turn), observation)
+        command = self._straight(self._beside_walls(turn, percept))
+        if steps <= self.CAREFUL_STEPS:
+            command = admissible_command(command, percept.points, percept.motion)
+        return self._drive(command, observation)
+
+    def _beside_walls(self, turn: Points, percept: Percept) -> Points:
+        """Return the turning point, which may touch a wall, moved away from what the laser sees."""
+        apart = turn - percept.points
+        distances = np.hypot(*apart.T)
+        nearest = int(np.argmin(distances))
+        lacking = self.CLEARANCE - distances[nearest]
+        if lacking <= 0 or distances[nearest] == 0:
+            return turn
+        return np.asarray(turn + lacking * apart[nearest] / distances[nearest])
+
+    def _straight(self, turn: Points) -> Command:
+        """Return the command that drives straight to a turning point (m, robot's frame)."""
+        bearing, distance = float(np.arctan2(turn[1], turn[0])), float(np.hypot(*turn))
+        speed = 0.0
+        if abs(bearing) < self.TURN_FIRST:
+            speed = max(self.SLOWEST, np.sqrt(2 * self.BRAKING * distance) - self.BRAKING * 0.1)
+        return np.array((speed, self.GAIN * bearing))
+
+    def _count_steps(self, way_home: float) -> int:
+        """Update with the length of the way home (m); return the steps without progress."""
+        self._steps_without_progress += 1
+        longest = self.CAREFUL_STEPS + self.PUSHING_STEPS + self.DETOUR_STEPS
+        if way_home < self._nearest - self.NEARER or self._steps_without_progress > longest:
+            self._nearest, self._steps_without_progress = way_home, 0
+        return self._steps_without_progress

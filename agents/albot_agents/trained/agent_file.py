@@ -30,7 +30,8 @@ LARGEST_LOG_STD = 20.0
 KEPT_SETTINGS = ("mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config")
 """Settings of the environment that determine observations and actions; see `KEPT_CONFIG`."""
 KEPT_CONFIG = ("observations", "actions", "claims", "tour")
-"""Those fields of the setting `config` that determine observations and actions."""
+"""Those fields of the setting `config` that determine observations and actions. A tour, whose
+length does, is also what happens in an episode: see `AgentFile.environment`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,13 +115,15 @@ class AgentFile:
         Args:
             task: Id of the environment.
             settings: Settings that override the agent's own, except those that determine
-                observations and actions.
+                observations and actions. A `config` among them also decides on the tours.
 
         Raises:
             InputError: The task has no such settings.
         """
         its = dict(self.settings)
-        config, kind = its.pop("config", {}), config_kind(task)
+        config, kind = dict(its.pop("config", {})), config_kind(task)
+        if settings.get("config") is not None:
+            config.pop("tour", None)  # Episodes are the evaluation's, the same for all agents.
         where = Location(f"the agent's settings in {task}")
         if settings.get("mapper", its.get("mapper")) != its.get("mapper"):
             its.pop("mapper_config", None)  # They belong to the agent's own mapper.

@@ -338,6 +338,11 @@ class BatchedRobots:
         return self._state.ranges
 
     @property
+    def true_ranges(self) -> Float64[np.ndarray, "robots beams"]:
+        """Latest distances of what the beams of `ground_laser` meet (m); infinite for nothing."""
+        return self._state.true_ranges
+
+    @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
         """Number of rooms that each robot has entered."""
         return self._builder.progress.rooms_entered

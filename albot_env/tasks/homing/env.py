@@ -31,9 +31,9 @@ class HomingEnv(SingleEnv[HomingTask]):
         At rest at the end of an outward journey. World and start are drawn, or chosen by
         `options`, as in `Albot/Explore-v0`; the start is the start of the journey. The journey is
         drawn from `journeys` journeys per start. Each journey is made when it is first drawn,
-        which takes a second or more, and the most recently used 256 MiB of them are cached. A
-        journey is a function of its world, start and number alone; all noise after it is the
-        episode's own.
+        which takes a second or more, and the most recently used 256 MiB of them are cached. Where
+        it leads is a function of its world, start and number alone, whatever the robot carries,
+        maps and observes. All noise after it is the episode's own.
 
     Episode end:
         Terminated by the declaration, which is a success within `HomingConfig.radius` (1 m) of

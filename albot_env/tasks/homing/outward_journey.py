@@ -1,7 +1,9 @@
 """Outward journeys: how homing robots got to where their episodes begin.
 
-On its outward journey a robot explores, controlled by the gap explorer of
-`albot_core.planning`, and so builds its map.
+On an outward journey a robot explores and builds its map. A guide decides where it drives: the gap
+explorer of `albot_core.planning`, which knows the true pose and sees the true ranges of a laser of
+its own. So the way is a function of the world, the start and the journey's number alone. A robot
+then drives the same way, command by command, with its own sensors and mapper.
 """
 
 from __future__ import annotations
@@ -10,17 +12,21 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, inverse
+from albot_core.geometry.types import Pose
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_core.ranges import Range, check_fields
+from albot_env.sim.sensors import Sensors
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
-from albot_env.tasks.core.journeys import Journeys, JourneySpec
+from albot_env.tasks.core.journeys import JourneyCache, Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
-from albot_env.tasks.core.settings import Equipment
+from albot_env.tasks.core.settings import NO_MAPPER, Equipment
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
@@ -59,6 +65,24 @@ class OutwardJourney:
     """Whether the robot got stuck before it had driven the drawn length."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Route:
+    """The way of an outward journey."""
+
+    world: World
+    """World of the journey."""
+    commands: Float64[np.ndarray, "steps 2"]
+    """Speed (m/s) and turn rate (rad/s) of each control step; at rest after the last."""
+    field: DistanceField
+    """Geodesic distances home from everywhere."""
+    cut_short: bool
+    """Whether the robot got stuck before it had driven the drawn length."""
+
+
+_ROUTES = JourneyCache(limit=4 * 2**20)
+"""The latest ways: agents that are compared drive them one after another."""
+
+
 class OutwardJourneys(Journeys[OutwardJourney]):
     """Makes outward journeys, and caches them.
 
@@ -73,11 +97,6 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         InputError: `count` is negative.
     """
 
-    _STEPS_PER_METRE = 40
-    """Step limit per metre of a journey, after which the robot counts as stuck."""
-    _STEPS = 400
-    """Constant part of the step limit."""
-
     def __init__(
         self,
         environment: str,
@@ -86,54 +105,128 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         config: OutwardJourneyConfig,
         count: int,
     ) -> None:
-        seen = observations.coverage, observations.laser_range
-        super().__init__(environment, (replace(equipment, threads=1), *seen, config), count)
-        self._config = config
-        # The scout always observes coverage, so that robots that do can use its journeys, too.
+        # The state at the end holds what was covered, and no other part of an observation.
+        kind = replace(equipment, threads=1), observations.coverage, config
+        super().__init__(environment, kind, count)
+        self._guide = _Guide(config, movables=equipment.movables)
+        # It always observes coverage, so that robots that do can use its journeys, too.
         parts = dict.fromkeys((*observations.parts, "coverage"))
-        self._scout = BatchedRobots(
+        self._follower = BatchedRobots(
             1,
             replace(equipment, threads=1),
             actions=ActionConfig(),
             observations=replace(observations, parts=tuple(parts)),
         )
-        self._explorer = GapExplorer(GapExplorerConfig(coverage_range=observations.coverage.radius))
 
     def close(self) -> None:
-        """Stop the threads of the robot that drives the journeys."""
-        self._scout.close()
+        """Stop the threads of the robots that drive the journeys."""
+        self._guide.close()
+        self._follower.close()
 
     def travel(self, spec: JourneySpec) -> OutwardJourney:
-        """Make a journey."""
-        world, start, number = spec
-        rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
-        wanted = float(rng.uniform(self._config.shortest, self._config.longest))
-        field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])
-        scout, explorer = self._scout, self._explorer
-        scout.begin(0, world, start, rng)
-        explorer.reset(rng)
-        scout.observe()
-        arrived, left = False, self._STEPS + int(self._STEPS_PER_METRE * wanted)
-        while left and not arrived:
-            scout.drive(explorer.command(self._percept())[np.newaxis])
-            scout.observe()
-            away = field.distance(scout.poses[0, :2]) >= self._config.away
-            arrived, left = bool(away and scout.path_lengths[0] >= wanted), left - 1
-        while not scout.at_rest:
-            scout.drive(np.zeros((1, 2)))
-            scout.observe()
-        if math.isinf(field.distance(scout.poses[0, :2])):
-            field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
+        """Make a journey: find the way, and let a robot with the equipment drive it."""
+        key = (self._guide.kind, id(spec.world), spec.start.tobytes(), spec.number)
+        route = _ROUTES.fetch(key, lambda: self._guide.find_route(spec))
+        follower = self._follower
+        follower.begin(0, spec.world, spec.start, _noise(spec))
+        follower.observe()
+        for command in route.commands:
+            follower.drive(command[np.newaxis])
+            follower.observe()
         return OutwardJourney(
-            world=world, end=scout.episode_snapshot(0), field=field, cut_short=not arrived
+            world=spec.world,
+            end=follower.episode_snapshot(0),
+            field=route.field,
+            cut_short=route.cut_short,
         )
 
-    def _percept(self) -> Percept:
-        """Return the explorer's current input."""
-        scout = self._scout
-        return Percept(
-            ranges=np.minimum(scout.ranges[0], scout.observation_config.laser_range),
-            laser=scout.ground_laser,
-            pose=scout.beliefs[0].copy(),
-            motion=scout.readings.motions[0].copy(),
+
+class _Guide:
+    """Finds the ways of outward journeys.
+
+    Args:
+        config: Length of journeys.
+        movables: Whether doors, boxes and people are simulated in worlds that have them.
+    """
+
+    _STEPS_PER_METRE = 40
+    """Step limit per metre of a journey, after which the robot counts as stuck."""
+    _STEPS = 400
+    """Constant part of the step limit."""
+
+    def __init__(self, config: OutwardJourneyConfig, *, movables: bool) -> None:
+        self._config = config
+        self.kind = config, movables
+        """What ways depend on besides their specs."""
+        self._robot = BatchedRobots(
+            1,
+            Equipment(mapper=NO_MAPPER, sensors=Sensors(), movables=movables),
+            actions=ActionConfig(),
+            observations=ObservationConfig(parts=("motion",)),
         )
+        self._explorer = GapExplorer(GapExplorerConfig())
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._robot.close()
+
+    def find_route(self, spec: JourneySpec) -> Route:
+        """Return the way of a journey, which depends on nothing but `spec` and the config."""
+        world, start = spec.world, spec.start
+        rng = np.random.default_rng(_seed(spec))
+        wanted = float(rng.uniform(self._config.shortest, self._config.longest))
+        field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])
+        robot, explorer = self._robot, self._explorer
+        robot.begin(0, world, start, _noise(spec))
+        explorer.reset(rng)
+        robot.observe()
+        before, commands = start, []
+        arrived, left = False, self._STEPS + int(self._STEPS_PER_METRE * wanted)
+        while left and not arrived:
+            percept = self._percept(before)
+            before = robot.poses[0].copy()
+            commands.append(explorer.command(percept))
+            robot.drive(commands[-1][np.newaxis])
+            robot.observe()
+            away = field.distance(robot.poses[0, :2]) >= self._config.away
+            arrived, left = bool(away and robot.path_lengths[0] >= wanted), left - 1
+        while not robot.at_rest:
+            commands.append(np.zeros(2))
+            robot.drive(commands[-1][np.newaxis])
+            robot.observe()
+        if math.isinf(field.distance(robot.poses[0, :2])):
+            field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
+        return Route(
+            world=world,
+            commands=np.array(commands).reshape(-1, 2),
+            field=field,
+            cut_short=not arrived,
+        )
+
+    def _percept(self, before: Pose) -> Percept:
+        """Return the explorer's input: the truth, in the frame of the start.
+
+        Args:
+            before: True pose one control step ago (world frame).
+        """
+        robot, laser = self._robot, self._robot.ground_laser
+        pose = robot.poses[0]
+        return Percept(
+            ranges=np.minimum(robot.true_ranges[0], laser.max_range),
+            laser=laser,
+            pose=compose(inverse(robot.starts[0]), pose),
+            motion=compose(inverse(before), pose),
+        )
+
+
+def _seed(spec: JourneySpec) -> tuple[int, ...]:
+    """Return the seed of a journey's random numbers."""
+    return spec.number, *spec.start.view(np.uint64).tolist()
+
+
+def _noise(spec: JourneySpec) -> np.random.Generator:
+    """Return the generator of a journey's noise, the same for the guide and who follows it.
+
+    So both meet doors, boxes and people at the same places.
+    """
+    return np.random.default_rng((*_seed(spec), 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
@@ -59,6 +59,31 @@ def bootstrap_ratio(
         InputError: There are no values, or no others.
     """
     return _percentiles(_resampled(values, measure, rng) / _resampled(others, measure, rng))
+
+
+def bootstrap_clusters(
+    values: Float64[np.ndarray, "n"], clusters: Sequence[Hashable], rng: np.random.Generator
+) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of a mean of values that come in clusters.
+
+    Clusters are drawn with all of their values, because values of a cluster are not independent.
+    Source: Davison and Hinkley, Bootstrap methods and their application, 1997, section 3.8.
+
+    Args:
+        values: The sample.
+        clusters: The cluster of each value, such as the world of an episode.
+        rng: Draws the resamples.
+
+    Raises:
+        InputError: There are no values.
+    """
+    numbers = {cluster: k for k, cluster in enumerate(dict.fromkeys(clusters))}
+    of = np.array([numbers[cluster] for cluster in clusters], np.int64)
+    sums, counts = np.bincount(of, values), np.bincount(of)
+    if not len(values):
+        raise InputError("bootstrap", "at least one value", "none")
+    drawn = rng.integers(len(sums), size=(_RESAMPLES, len(sums)))
+    return _percentiles(sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
 
 
 def _resampled(

@@ -26,6 +26,7 @@ from tests.env.quick import STROLL
 SHORT = Comparison(
     task="Albot/Homing-v0",
     agents=("random", "path-integration"),
+    figure="spl",
     kinds=(OFFICES, PLANS),
     settings={"journeys": 4, "config": STROLL, "max_episode_steps": 20},
 )
@@ -53,7 +54,14 @@ def test_agents_that_meet_begin_at_the_same_place_and_figures_are_of_all(tmp_pat
     path.write_text(
         json.dumps(
             [
-                {"task": task, "agent": "a", "odometer": "o", "kind": "k", "command": "c"}
+                {
+                    "task": task,
+                    "agent": "a",
+                    "odometer": "o",
+                    "kind": "k",
+                    "command": "c",
+                    "figure": "spl",
+                }
                 | {"episodes": 3, "spl": 0.5}
                 for task in ("Albot/Homing-v0", "Albot/Explore-v0")
             ]
@@ -64,20 +72,28 @@ def test_agents_that_meet_begin_at_the_same_place_and_figures_are_of_all(tmp_pat
     # Homing comes first on the page, though it was measured last.
     assert [row["task"] for row in rows] == [*2 * ["Albot/Homing-v0"], "Albot/Explore-v0"]
     assert rows[0]["success_rate"] == chance["success_rate"]
+    # The first agent is what others are compared with.
+    assert "difference" not in rows[0]
+    low, high = rows[1]["difference_ci95"]
+    assert low <= rows[1]["difference"] == integration["spl"] - chance["spl"] <= high
     text = render_page(rows)
-    assert "| k | o | `a` | 3 | 0.50 |" in text
+    assert "| k | o | `a` | 3 | 0.50 | – |" in text
+    assert "| SPL less the first's |" in text
     assert "albot results" in text
 
 
 def test_rates_are_written_with_their_intervals() -> None:
     row = {"task": "T", "agent": "a", "odometer": "o", "kind": "k", "command": "c", "episodes": 9}
-    text = render_page([row | {"success_rate": 0.5, "ci95": [0.25, 0.75], "spl": 0.123}])
-    assert "| k | o | `a` | 9 | 50% (25%–75%) | 0.12 |" in text
+    row["figure"] = "spl"
+    row |= {"success_rate": 0.5, "ci95": [0.25, 0.75], "spl": 0.123}
+    text = render_page([row | {"difference": -0.02, "difference_ci95": [-0.1, 0.06]}])
+    assert "| k | o | `a` | 9 | 50% (25%–75%) | 0.12 | -0.02 (-0.10 to +0.06) |" in text
 
 
 def test_a_row_without_a_figure_that_others_have_shows_a_dash(tmp_path: Path) -> None:
     judged, silent = (
-        TableRow(task="T", agent=agent, odometer="o", kind="k") for agent in ("judge", "silent")
+        TableRow(task="T", agent=agent, odometer="o", kind="k", figure="recall")
+        for agent in ("judge", "silent")
     )
     figures = {
         judged: {"episodes": 2, "precision": 0.5, "recall": 0.25},
@@ -85,8 +101,8 @@ def test_a_row_without_a_figure_that_others_have_shows_a_dash(tmp_path: Path) ->
     }
     rows = save_figures(figures, "c", tmp_path / "results.json")
     text = render_page(rows)
-    assert "| k | o | `judge` | 2 | 50.0% | 25% |" in text
-    assert "| k | o | `silent` | 2 | – | 0% |" in text
+    assert "| k | o | `judge` | 2 | 50.0% | 25% | – |" in text
+    assert "| k | o | `silent` | 2 | – | 0% | – |" in text
 
 
 @pytest.mark.parametrize("text", ["{", "{}", '[{"task": 1}]', '["row"]', "[1]"])

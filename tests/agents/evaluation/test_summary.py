@@ -26,6 +26,7 @@ def _outcome(world: str, seed: int, spl: float, **facts: Any) -> Outcome:
         trial=Trial(task="Albot/Homing-v0", agent="random", world=world, seed=seed),
         info={**info, **facts},
         start=np.array((5.0, 5.0, 0.0)),
+        begin=np.array((1.0, 1.0, 0.0)),
         path=np.array(((1.0, 1.0), (4.0, 5.0), (4.0, 10.0))),
         collisions=1,
     )
@@ -66,6 +67,7 @@ def test_what_a_task_does_not_know_is_none() -> None:
         trial=Trial(task="Albot/Explore-v0", agent="random", world="square-loop", seed=1),
         info={"coverage": 0.5, "position_error": 0.0},
         start=np.zeros(3),
+        begin=np.array((1.0, 1.0, 0.0)),
         path=np.zeros((1, 2)),
         collisions=0,
     )

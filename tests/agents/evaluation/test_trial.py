@@ -43,6 +43,7 @@ def _outcome(final: float, entered: int) -> Outcome:
         trial=Trial(task="Albot/Explore-v0", agent="random", world="square-loop", seed=1),
         info={"coverage": final, "position_error": 0.0, "rooms_entered": entered},
         start=np.zeros(3),
+        begin=np.array((1.0, 1.0, 0.0)),
         path=np.zeros((1, 2)),
         collisions=0,
         rooms=4,

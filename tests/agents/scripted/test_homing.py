@@ -33,8 +33,8 @@ def _home(agent: str, world: str, **settings: Any) -> Outcome:
 def test_the_oracle_drives_the_shortest_way(world: str) -> None:
     outcome = _home("oracle", world)
     assert outcome.info["is_success"]
-    assert outcome.info["spl"] > 0.75
-    assert outcome.collisions == 0
+    assert outcome.info["spl"] > 0.98
+    assert outcome.collisions <= 1  # The shortest path touches corners.
 
 
 def test_path_integration_comes_home_by_a_true_odometer_and_not_by_a_bad_one() -> None:
