@@ -29,6 +29,8 @@ _PLAN_SIDE = 4.0
 """Side of one plan on a sheet with several (inches)."""
 _MOST_WITH_NAMES = 4
 """Largest number of plans on a sheet that still get names; with more, names overlap."""
+_SMALLEST_START = 0.004
+"""Least radius of a start's disc, as a share of the plan's longer side: it is to be seen."""
 _HAIR = 1e-3
 """Half the wall width (m) used to find the regions of floor to fill."""
 
@@ -70,9 +72,11 @@ def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bo
         axes.plot(*world.tours[name].T, color=_TOUR, lw=1.2, alpha=0.7)
     _draw_exits(world, axes, names)
     draw_movables(world.movables, axes)
+    x_min, y_min, x_max, y_max = world.bounds
+    radius = max(ROBOT_RADIUS, _SMALLEST_START * max(x_max - x_min, y_max - y_min))
     for x, y, heading in world.starts:
-        axes.add_patch(Circle((x, y), ROBOT_RADIUS, color=_START))
-        nose = 2.5 * ROBOT_RADIUS * np.array([np.cos(heading), np.sin(heading)])
+        axes.add_patch(Circle((x, y), radius, color=_START, zorder=3))
+        nose = 2.5 * radius * np.array([np.cos(heading), np.sin(heading)])
         axes.plot([x, x + nose[0]], [y, y + nose[1]], color=_START, lw=1.5)
     _frame(world, axes)
 
@@ -129,8 +133,10 @@ def _frame(world: World, axes: Axes) -> None:
     """Set the axes' limits and draw a scale bar below the plan."""
     x_min, y_min, x_max, y_max = world.bounds
     margin = 0.04 * max(x_max - x_min, y_max - y_min)
-    axes.set_xlim(x_min - margin, x_max + margin)
-    axes.set_ylim(y_min - 2 * margin, y_max + margin)
+    low = np.minimum((x_min - margin, y_min - 2 * margin), world.starts[:, :2].min(axis=0) - 0.5)
+    high = np.maximum((x_max + margin, y_max + margin), world.starts[:, :2].max(axis=0) + 0.5)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
     axes.set_axis_off()
     length = 10.0 ** np.floor(np.log10((x_max - x_min) / 2))

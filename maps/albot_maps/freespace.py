@@ -10,6 +10,9 @@ from jaxtyping import Float64
 
 from albot_core.geometry.types import Segments
 
+MARGIN = 4
+"""Free space reaches this many radii of the disc beyond the rectangle around all walls."""
+
 
 def wall_lines(walls: Segments) -> shapely.MultiLineString:
     """Return the walls as one shape, for distances and unions."""
@@ -26,6 +29,16 @@ def floor_at(walls: Segments, point: Float64[np.ndarray, "2"]) -> shapely.Polygo
     parts = shapely.get_parts(shapely.polygonize([shapely.union_all([lines, frame])]))
     here = shapely.Point(point)
     return min(parts, key=lambda part: float(part.distance(here)))
+
+
+def widest_place(region: shapely.Polygon) -> Float64[np.ndarray, "2"]:
+    """Return the centre of the largest disc in a region, in whole centimetres where there is room.
+
+    The disc's radius is within 5 cm of the largest.
+    """
+    centre = np.array(shapely.maximum_inscribed_circle(region, tolerance=0.05).coords[0])
+    rounded = np.round(centre, 2)
+    return rounded if region.covers(shapely.Point(rounded)) else centre
 
 
 class FreeSpace:
@@ -50,8 +63,15 @@ class FreeSpace:
         widened = shapely.buffer(chains, radius, quad_segs=self._SIDES_PER_QUARTER)
         self._widened = shapely.union_all(widened)
         x_min, y_min, x_max, y_max = lines.bounds
-        margin = 4 * radius
+        margin = MARGIN * radius
         self._frame = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)
+        self.hull: shapely.Geometry = lines.convex_hull
+        """The convex hull of the walls."""
+
+    @property
+    def rectangle(self) -> shapely.Polygon:
+        """The rectangle around all walls with its margin, as far as free space reaches."""
+        return self._frame
 
     @cached_property
     def regions(self) -> tuple[shapely.Polygon, ...]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float64, Int32
+from jaxtyping import Float64, Int32, Int64
 
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Segments
 from albot_core.planning.grid_search import FAR, first_anchor, search_any_angle
+from albot_maps.freespace import MARGIN
 from albot_maps.lattice import Lattice
+from albot_maps.world import ROBOT_RADIUS
 
 
 class DistanceField:
@@ -22,6 +24,9 @@ class DistanceField:
     radius away from walls, so a gap that is less than one cell wider than the disc may count as
     closed. With `tight`, every gap that the disc can pass is open, but so are some gaps that are
     up to one and a half cells too narrow.
+
+    If no walls enclose the goal, the lattice reaches beyond them, and paths lead from everywhere
+    off the lattice to its edge.
 
     Args:
         walls: Everything the disc must not touch.
@@ -38,13 +43,20 @@ class DistanceField:
         *,
         tight: bool = False,
     ) -> None:
-        lattice = Lattice(walls)
+        clearance = radius - (Lattice(walls).cell * math.sqrt(0.5) if tight else 0.0)
+        self._search(Lattice(walls), clearance, goal)
+        if self._is_open(goal):
+            self._search(Lattice(walls, MARGIN * ROBOT_RADIUS), clearance, goal)
+            self._turn_at_edge()
+
+    def _search(self, lattice: Lattice, clearance: float, goal: Float64[np.ndarray, "2"]) -> None:
+        """Find the shortest paths over a lattice."""
         self.corner = lattice.corner
         """Position of the lattice's first point (m)."""
         self.cell = lattice.cell
         """Distance between neighbouring lattice points (m)."""
         self.columns, self.rows = lattice.shape
-        state = lattice.blocked(radius - (self.cell * math.sqrt(0.5) if tight else 0.0))
+        state = lattice.blocked(clearance)
         anchors = np.empty((len(state) + 1, 4))
         self.anchor_of: Int32[np.ndarray, "points"] = np.empty(len(state), np.int32)
         """The first anchor on the path from each point; `FAR` where there is no path."""
@@ -52,6 +64,28 @@ class DistanceField:
         count = search_any_angle(state, self.columns, self.rows, x, y, anchors, self.anchor_of)
         self.anchors: Float64[np.ndarray, "anchors 4"] = anchors[:count].copy()
         """Per anchor: x, y (cells), distance from the goal (cells), index of the next anchor."""
+
+    def _edge(self) -> Int64[np.ndarray, "edge"]:
+        """Return the indices of the points on the edge of the lattice from which paths lead."""
+        edge = np.ones((self.columns, self.rows), np.bool_)
+        edge[1:-1, 1:-1] = False
+        return np.flatnonzero(edge.ravel() & (self.anchor_of != FAR))
+
+    def _is_open(self, goal: Float64[np.ndarray, "2"]) -> bool:
+        """Return whether a path leads off the lattice, or the goal is off it."""
+        column, row = ((goal - self.corner) / self.cell).tolist()
+        inside = 0 <= column <= self.columns - 1 and 0 <= row <= self.rows - 1
+        return not inside or len(self._edge()) > 0
+
+    def _turn_at_edge(self) -> None:
+        """Make the points on the edge anchors: a path from off the lattice may turn there."""
+        edge = self._edge()
+        places = np.stack((edge // self.rows, edge % self.rows), axis=1).astype(np.float64)
+        ahead = self.anchor_of[edge]
+        lengths = np.hypot(*(places - self.anchors[ahead, :2]).T) + self.anchors[ahead, 2]
+        added = np.column_stack((places, lengths, ahead))
+        self.anchor_of[edge] = len(self.anchors) + np.arange(len(edge))
+        self.anchors = np.concatenate((self.anchors, added))
 
     def distance(self, position: Float64[np.ndarray, "2"]) -> float:
         """Return the shortest path's length (m) from a position (m); infinite if there is none."""

@@ -25,11 +25,12 @@ class Lattice:
 
     Args:
         walls: The walls.
+        margin: How far the rectangle reaches beyond the walls (m).
     """
 
-    def __init__(self, walls: Segments) -> None:
+    def __init__(self, walls: Segments, margin: float = 0.0) -> None:
         ends = walls.reshape(-1, 2)
-        corner, far = ends.min(axis=0), ends.max(axis=0)
+        corner, far = ends.min(axis=0) - margin, ends.max(axis=0) + margin
         self._walls = walls
         self.corner: Float64[np.ndarray, "2"] = corner
         """Position of the first point (m)."""

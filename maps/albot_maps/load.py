@@ -20,7 +20,8 @@ from albot_maps.world import World
 
 _CATALOGUE = resources.files("albot_maps") / "catalogue"
 _YAML = {".yaml", ".yml"}
-_PICTURES = {".pgm", ".png"}
+PICTURES = {".pgm", ".png", ".ppm", ".pbm", ".pnm", ".bmp", ".gif", ".jpg", ".jpeg"}
+"""Suffixes of the pictures of ROS maps."""
 KEPT = 256
 """Number of a set's most recently used worlds that stay in memory; others are loaded again."""
 
@@ -87,10 +88,12 @@ def read_world(path: Path) -> World:
         from albot_maps.formats.stage_world import read_stage_world
 
         return read_stage_world(path)
-    if kind in _PICTURES:
+    if kind in PICTURES:
         return _read_yaml_world(_description_of(path))
     found = "a folder" if exists(path) and path.is_dir() else kind or "no suffix"
-    raise InputError(path, "a world file: .yaml, .xml, .json, .world, .pgm or .png", found)
+    raise InputError(
+        path, "a world file: .yaml, .xml, .json, .world or a picture (.pgm, .png, …)", found
+    )
 
 
 def _read_yaml_world(path: Path) -> World:

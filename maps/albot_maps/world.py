@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses, Segments
-from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.freespace import MARGIN, FreeSpace, wall_lines
 from albot_maps.movables import Environment, Movables, find_violations
 
 ROBOT_RADIUS = 0.25
@@ -68,9 +68,10 @@ class World:
     """One floor of a building. World frame: x right, y up on the plan, in metres.
 
     Every instance is valid: all numbers are finite and in metres, no wall is a point, names are
-    unique, a robot of radius `ROBOT_RADIUS` fits at every start, can enter every room from the
-    first start (with doors open and boxes pushed away) and follows every tour clear of the walls,
-    and movables have room. Arrays are read-only copies of the arguments, with 0 for -0.
+    unique, a robot of radius `ROBOT_RADIUS` fits at every start, which is near the walls, can enter
+    every room from the first start (with doors open and boxes pushed away) and follows every tour
+    clear of the walls, and movables have room. Arrays are read-only copies of the arguments, with
+    0 for -0.
 
     Raises:
         InputError: One of these does not hold; its place is such as `walls[3]` or `exits[0]`.
@@ -273,6 +274,13 @@ class World:
         if self.starts.ndim != 2 or not len(self.starts):
             raise self._error("starts", "at least one start (n, 3)", str(self.starts.shape))
         self._check_numbers("starts", self.starts)
+        x_min, y_min, x_max, y_max = self.bounds
+        margin = MARGIN * ROBOT_RADIUS
+        for index, (x, y) in enumerate(self.starts[:, :2].tolist()):
+            across = x_min - margin <= x <= x_max + margin
+            if not (across and y_min - margin <= y <= y_max + margin):
+                expected = f"at most {margin:g} m outside the rectangle around the walls"
+                raise self._error(f"starts[{index}]", expected, f"({x:g}, {y:g})")
         clearance = shapely.distance(shapely.points(self.starts[:, :2]), wall_lines(self.walls))
         for index in np.flatnonzero(clearance < ROBOT_RADIUS):
             raise self._error(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 
 _FILE = PathType()
-_WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
+_WORLDS = {".yaml", ".yml", ".xml", ".world"}
 """File endings of worlds. A JSON file is a log."""
 
 
@@ -209,14 +209,14 @@ def _fitting(asked: list[MapperChoice] | None, sources: Sequence[Source]) -> lis
 
 def _is_world(source: str) -> bool:
     from albot_maps.generators.spec import PREFIX
-    from albot_maps.load import catalogue_names
+    from albot_maps.load import PICTURES, catalogue_names
 
     if source.startswith(PREFIX) or source in catalogue_names():
         return True
     path = Path(source)
     kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
     # A word without an ending that is not a file is a misspelt world name.
-    return kind in _WORLDS or not (path.suffix or path.exists())
+    return kind in {*_WORLDS, *PICTURES} or not (path.suffix or path.exists())
 
 
 def explored_sources(

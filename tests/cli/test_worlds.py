@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from albot_cli import worlds
 from albot_cli.main import main
@@ -322,11 +322,55 @@ def test_a_picture_that_is_none_is_said_to_be_none(albot, name):
     Path("map.yaml").write_text(MAP.format(name))
     status, out, err = albot("check", name)
     assert (status, out) == (2, "")
-    assert err == f"albot: {name}: expected an intact PGM or PNG image, found another format\n"
+    assert err == (
+        f"albot: {name}: expected an intact PGM or PNG image (BMP, GIF and JPEG are read, too; "
+        "convert any other), found another format\n"
+    )
 
 
-def test_a_picture_of_16_bits_is_said_to_be_one(albot):
+def test_a_picture_with_8_bits_in_16_says_what_to_convert(albot):
     Image.fromarray(np.zeros((4, 4), np.uint16)).save("map.png")
     Path("map.yaml").write_text(MAP.format("map.png"))
     _, _, err = albot("check", "map.yaml")
-    assert err == "albot: map.png: expected 8 bits a channel, found the mode I;16\n"
+    assert err == (
+        "albot: map.png: expected brightness from 0 to 65535 in a picture with 16 bits a pixel, "
+        "found 0 at most; convert it to 8 bits\n"
+    )
+
+
+def draw_track(folder: Path) -> None:
+    """A lane 3 m wide round an infield, in cells of 0.1 m; all else is white, outside too."""
+    image = Image.new("L", (300, 300), 255)
+    for radius in (50, 80):
+        box = (150 - radius, 150 - radius, 150 + radius, 150 + radius)
+        ImageDraw.Draw(image).ellipse(box, outline=0, width=3)
+    image.save(folder / "track.png")
+    (folder / "track.yaml").write_text(
+        MAP.format("/home/of/another/track.png").replace("0.05", "0.1")
+    )
+
+
+def test_the_start_on_a_race_track_is_in_its_picture_and_its_conversion(albot, tmp_path):
+    draw_track(tmp_path)
+    status, out, _ = albot("check", "track.yaml", "--json")
+    facts = json.loads(out)
+    (x, y, heading), notes = facts["starts"][0], facts["notes"]
+    assert (status, facts["closed"], heading) == (0, True, 0)
+    assert 5.3 < np.hypot(x - 15, y - 15) < 7.7
+    assert notes == ["/home/of/another/track.png is missing; used track.png"]
+    albot("convert", "track.yaml", "-o", "own.yaml")
+    _, out, _ = albot("show", "own.yaml", "--png", "own.png", "--json")
+    assert json.loads(out)["starts"] == facts["starts"]
+    red, green, _ = np.asarray(Image.open("own.png").convert("RGB")).astype(int).transpose(2, 0, 1)
+    assert np.count_nonzero(red > green + 100) > 100
+    status, _, err = albot("check", "track.yaml", "--strict")
+    assert status == 2
+    assert "track.png is missing" in err
+
+
+@pytest.mark.parametrize("at", ["[6, 1.5]", "[1, -9]"])
+def test_a_start_far_from_the_walls_is_refused(albot, tmp_path, at):
+    (tmp_path / "hut.yaml").write_text(GOOD.replace("[1, 1]", at))
+    status, out, err = albot("check", "hut.yaml")
+    assert (status, out) == (2, "")
+    assert "hut.yaml, line 6, starts[0]: expected at most 1 m outside the rectangle" in err

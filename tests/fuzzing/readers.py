@@ -45,8 +45,9 @@ from albot_core.mappers.registry import make_mapper
 from albot_core.yaml_document import read_yaml
 from albot_maps import World, load_world
 from albot_maps.formats.house_json import read_house_json
+from albot_maps.formats.picture import read_shades
 from albot_maps.formats.plan_xml import read_plan_xml
-from albot_maps.formats.ros_grid import read_ros_grid, read_shades
+from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world

@@ -24,7 +24,7 @@ from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
 from albot_core.mappers.map_file import load_map
 from albot_maps import load_world
-from albot_maps.formats.ros_grid import read_shades
+from albot_maps.formats.picture import read_shades
 from albot_env.recording.reader import EpisodeReader
 data = int(re.search(r"VmData:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) * 1024
 resource.setrlimit(resource.RLIMIT_DATA, (data + 500_000_000,) * 2)

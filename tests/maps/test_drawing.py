@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from albot_maps import load_world
+from albot_maps import World, load_world
 from albot_maps.drawing import draw_world
 
 
@@ -52,6 +52,26 @@ def test_walls_are_dark_floors_tinted_and_solids_grey(colour_at):
     for inside_furniture_or_core in ((4.2, 7.0), (12, 15)):
         assert np.ptp(colour_at(*inside_furniture_or_core)) <= 5
         assert colour_at(*inside_furniture_or_core).mean() < 225
+
+
+@pytest.mark.parametrize(("x", "y"), [(5, -0.9), (-0.9, 4), (10.9, 4), (5, 8.9), (5, 4)])
+@pytest.mark.parametrize("size", [1, 60])
+def test_every_start_is_in_the_picture(x, y, size):
+    corners = size * np.array([[0, 0], [10, 0], [10, 8], [0, 8]], float)
+    walls = np.concatenate((corners, np.roll(corners, -1, axis=0)), axis=1)
+    inside = 0 < x < 10 and 0 < y < 8
+    start = size * np.array([x, y]) if inside else np.clip((x, y), -0.9, corners[2] + 0.9)
+    world = World(name="hall", walls=walls, starts=np.array([[*start, 0.0]]))
+    figure = Figure(figsize=(6, 6), dpi=100)
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    draw_world(world, axes)
+    canvas.draw()
+    red, green, _ = np.asarray(canvas.buffer_rgba())[..., :3].astype(int).transpose(2, 0, 1)
+    column, row = axes.transData.transform(start)
+    assert 3 < column < 597
+    assert 3 < row < 597
+    assert np.count_nonzero(red > green + 100) > 12
 
 
 def test_rooms_differ_and_the_start_is_marked(colour_at):

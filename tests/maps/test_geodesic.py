@@ -54,6 +54,62 @@ def test_where_no_way_leads_it_is_infinitely_far() -> None:
     assert len(field.path(np.array((8.0, 2.0)))) == 0
 
 
+BAY = np.array([[0, 0, 10, 0], [0, 0, 0, 10], [0, 10, 10, 10]], float)
+"""Three walls of 10 m by 10 m; the fourth side, to the right, is open."""
+
+
+@given(st.floats(11, 60), INSIDE, st.floats(0.3, 9.7), INSIDE)
+@settings(deadline=None, max_examples=20)
+def test_off_the_lattice_what_is_in_sight_is_as_far_as_the_crow_flies(
+    x: float, y: float, to_x: float, to_y: float
+) -> None:
+    place, goal = np.array((x, y)), np.array((to_x, to_y))
+    straight = shapely.LineString((place, goal))
+    if straight.distance(shapely.MultiPoint(((10, 0), (10, 10)))) > 0.4:
+        exact = np.hypot(*(goal - place))
+        length = DistanceField(BAY, 0.25, goal).distance(place)
+        assert exact - 1e-9 <= length <= exact + 0.05
+
+
+BELOW, ABOVE = [(0, 0), (10, 0)], [(10, 10)]
+
+
+@pytest.mark.parametrize(
+    ("place", "turns"),
+    [
+        ((-3, 4), BELOW),
+        ((-40, 4), BELOW),
+        ((5, 40), ABOVE),
+        ((5, 10.6), ABOVE),
+        ((-40, -40), BELOW[1:]),
+    ],
+)
+def test_from_outside_the_way_leads_round_the_building(place, turns) -> None:
+    goal, start = np.array((5.0, 4.0)), np.array(place, float)
+    field = DistanceField(BAY, 0.25, goal)
+    way = np.vstack((start, field.path(start)))
+    walls = shapely.multilinestrings(shapely.linestrings(BAY.reshape(-1, 2, 2)))
+    assert shapely.LineString(way).distance(walls) > 0.17
+    assert np.hypot(*np.diff(way, axis=0).T).sum() == pytest.approx(field.distance(start))
+    thread = np.hypot(*np.diff(np.array([start, *turns, goal]), axis=0).T).sum()
+    # Round each end of a wall it is longer than the thread, by an arc with the robot's radius.
+    assert thread <= field.distance(start) <= 1.02 * thread + 0.25 * math.pi * len(turns)
+
+
+def test_a_goal_outside_is_found() -> None:
+    room = np.array(ROOM, float)
+    field = DistanceField(room, 0.25, np.array((10.8, 5.0)))
+    assert field.distance(np.array((30.0, 5.0))) == pytest.approx(19.2, abs=0.05)
+    assert field.distance(np.array((-30.0, 5.0))) > 45
+    assert field.distance(np.array((5.0, 5.0))) == math.inf
+
+
+def test_walls_that_enclose_the_goal_leave_its_lattice_alone() -> None:
+    field = DistanceField(np.array(ROOM, float), 0.25, np.array((2.0, 2.0)))
+    assert (field.columns, field.rows) == (101, 101)
+    assert field.distance(np.array((20.0, 2.0))) == math.inf
+
+
 def test_a_narrow_gap_is_passed_by_who_must_not_miss_any() -> None:
     gap = np.array([*ROOM, [5, 0, 5, 4.73], [5, 5.27, 5, 10]], float)
     goal, place = np.array((2.0, 2.0)), np.array((8.0, 2.0))

@@ -64,6 +64,8 @@ def test_room_at(x, y, name):
         ({"starts": np.empty((0, 3))}, "starts", "at least one start"),
         ({"starts": np.array([[1, 0.2, 0]])}, "starts[0]", "0.25 m, found a wall at 0.2 m"),
         ({"starts": np.array([[1.0, 1, 0], [3, 1, 0]])}, "starts[1]", "a wall at 0 m"),
+        ({"starts": np.array([[-1.2, 1.0, 0]])}, "starts[0]", "1 m outside the rectangle"),
+        ({"starts": np.array([[1.0, 1, 0], [3, 99, 0]])}, "starts[1]", "found (3, 99)"),
         ({"starts": np.array([[1, np.nan, 0]])}, "starts[0]", "finite"),
         ({"starts": np.array([[1, 1, np.inf]])}, "starts[0]", "finite"),
         ({"rooms": (WEST, EAST, WEST)}, "rooms[2]", "a unique name"),

@@ -328,7 +328,8 @@ def first_anchor(
     """Return the first anchor of the shortest path from a position; FAR without a path nearby.
 
     It is one of the anchors of the four points around the position; if these have none, of the
-    points in growing squares, up to `SEARCHED` cells away.
+    points in growing squares, up to `SEARCHED` cells away. Off the grid nothing is in the way: it
+    is then one of the anchors of the points on the edges that face the position.
     """
     left, bottom = math.floor(x), math.floor(y)
     best, shortest = FAR, np.inf
@@ -342,8 +343,36 @@ def first_anchor(
                 if length < shortest:
                     best, shortest = a, length
         if best != FAR:
-            break
+            return best
+    return _anchor_from_outside(x, y, columns, rows, anchors, anchor_of)
+
+
+@kernel()
+def _anchor_from_outside(
+    x: float, y: float, columns: int, rows: int, anchors: np.ndarray, anchor_of: np.ndarray
+) -> int:
+    """Return the first anchor of the shortest path from off the grid; FAR without one."""
+    best, shortest = FAR, np.inf
+    if y < 0.0 or y > rows - 1:
+        r = 0 if y < 0.0 else rows - 1
+        for c in range(columns):
+            best, shortest = _nearer_anchor(best, shortest, x, y, anchors, anchor_of[c * rows + r])
+    if x < 0.0 or x > columns - 1:
+        c = 0 if x < 0.0 else columns - 1
+        for r in range(rows):
+            best, shortest = _nearer_anchor(best, shortest, x, y, anchors, anchor_of[c * rows + r])
     return best
+
+
+@kernel()
+def _nearer_anchor(
+    best: int, shortest: float, x: float, y: float, anchors: np.ndarray, a: int
+) -> tuple[int, float]:
+    """Return the better of two anchors, and the length of the path from x, y over it."""
+    if a == FAR:
+        return best, shortest
+    length = anchors[a, 2] + length_of(x - anchors[a, 0], y - anchors[a, 1])
+    return (a, length) if length < shortest else (best, shortest)
 
 
 @kernel()

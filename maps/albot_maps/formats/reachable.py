@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_maps.freespace import FreeSpace
+from albot_maps.freespace import FreeSpace, widest_place
 from albot_maps.world import LARGEST_COORDINATE, METRES, ROBOT_RADIUS, Exit, Room, World
 
 
@@ -52,6 +55,46 @@ def reachable_world(
     )
 
 
+LEAST_SHARE = 0.1
+"""Ground within walls is preferred if its area is at least this share of that of the ground
+outside which lies among the walls. A building whose door is open may have a closet."""
+OPEN = "no walls enclose the start: a robot can leave the map"
+"""The note of a world whose start is outside all walls."""
+
+
+def start_within(
+    space: FreeSpace, regions: Sequence[shapely.Polygon], homes: Sequence[Float64[np.ndarray, "2"]]
+) -> tuple[Float64[np.ndarray, "2"], tuple[str, ...]] | None:
+    """Return the widest place in a region that walls enclose, and notes; None without room.
+
+    The first region with one of the `homes` comes first, then the largest. If walls enclose no
+    region, or only closets (see `LEAST_SHARE`), the start lies outside, among the walls.
+
+    Args:
+        space: The free space.
+        regions: Its regions in which a robot may be.
+        homes: Places (m) at which a robot is said to be.
+    """
+    within = [region for region in regions if space.encloses(region)]
+    without = [region for region in regions if not space.encloses(region)]
+    largest = max(within, key=lambda region: float(region.area), default=shapely.Polygon())
+    for among in (space.hull, space.rectangle):
+        parts = [part for region in without for part in _polygons(region.intersection(among))]
+        outside = max(parts, key=lambda part: float(part.area), default=shapely.Polygon())
+        if within and largest.area >= LEAST_SHARE * outside.area:
+            places = [shapely.Point(home) for home in homes]
+            at_home = (region for place in places for region in within if region.covers(place))
+            return widest_place(next(at_home, largest)), ()
+        if outside.area:
+            return widest_place(outside), (OPEN,)
+    return None
+
+
+def _polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    parts = shapely.get_parts(shape).tolist()
+    return [part for part in parts if part.geom_type == "Polygon" and part.area]
+
+
 def check_coordinates(walls: Segments, source: object) -> None:
     """Check that the walls have the size of a building, before free space is computed.
 
@@ -71,5 +114,4 @@ def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose
         raise InputError(
             source, f"a room with space for a robot of radius {ROBOT_RADIUS} m", "none"
         )
-    centre = shapely.maximum_inscribed_circle(part, tolerance=0.05).coords[0]
-    return np.array([*np.round(centre, 2), 0.0]), region
+    return np.array([*widest_place(part), 0.0]), region

@@ -6,33 +6,26 @@ exceeds `occupied_thresh`. The outlines of the occupied cells become walls.
 
 from __future__ import annotations
 
-import struct
-import warnings
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float64
-from PIL import Image, UnidentifiedImageError
+from jaxtyping import Bool, Float64, Int64
 from scipy import ndimage
 
 from albot_core.errors import InputError
-from albot_core.files import exists, read_bytes
-from albot_core.geometry.poses import transform_points, transform_segments
+from albot_core.geometry.poses import inverse, transform_points, transform_segments
 from albot_core.geometry.types import Pose, Segments
 from albot_core.yaml_document import YamlDocument, format_value
+from albot_maps.formats.picture import find_picture, read_shades
+from albot_maps.formats.reachable import LEAST_SHARE, OPEN
+from albot_maps.freespace import MARGIN
 from albot_maps.world import LARGEST_COORDINATE, ROBOT_RADIUS, World
 
 Cells = Bool[np.ndarray, "rows columns"]
 """One boolean per cell; the first row is the lowest on the map."""
-
-
-LARGEST = 1 << 24
-"""Largest number of cells of a picture: 200 m by 200 m in cells of 5 cm. A file of a few kilobytes
-can unpack to more than fits in memory."""
 MOST_RUNS = 500_000
 """Largest number of runs of occupied cells in a picture's rows; large buildings have about
 ten thousand."""
@@ -45,6 +38,8 @@ class _Description:
     """The content of a map's YAML."""
 
     picture: Path
+    notes: tuple[str, ...]
+    """What the reader assumed about the picture."""
     resolution: float
     """Length of a cell's side (m)."""
     origin: Pose
@@ -53,14 +48,18 @@ class _Description:
     free_below: float
     negate: bool
 
+    @property
+    def home(self) -> Float64[np.ndarray, "2"]:
+        """Position of the origin of the map's frame on the picture (cells)."""
+        return np.asarray(inverse(self.origin)[:2] / self.resolution)
+
 
 def read_ros_grid(document: YamlDocument, path: Path) -> World:
     """Return the world of a map_server map, whose YAML is `document`, read from `path`.
 
     Even a single occupied cell is kept: it may be a table's leg. Every wall lies within one cell
     of an occupied cell's edge, and every such edge within one cell of a wall. Unknown cells are
-    not walls. The start is the centre of the widest place in the largest connected part of the
-    free cells in which the robot fits.
+    not walls. The start is on free ground within walls, see `_start`.
 
     Raises:
         InputError: The YAML is invalid, the picture is missing or unreadable, or no free place
@@ -71,11 +70,12 @@ def read_ros_grid(document: YamlDocument, path: Path) -> World:
     if not occupied.any():
         raise InputError(description.picture, "at least one occupied cell", "none")
     walls = trace_cells(occupied, description.picture) * description.resolution
-    start = _start(occupied, free, description)
+    start, notes = _start(occupied, free, description)
     return World(
         name=path.stem,
         walls=transform_segments(description.origin, walls),
         starts=np.array([[*transform_points(description.origin, start), 0.0]]),
+        notes=(*description.notes, *notes),
         source=str(path),
     )
 
@@ -127,18 +127,120 @@ def _runs(
     return rows.astype(np.float64), lefts.astype(np.float64), rights.astype(np.float64)
 
 
-def _start(occupied: Cells, free: Cells, description: _Description) -> Float64[np.ndarray, "2"]:
-    """Return the centre (m) of the free cell that is furthest from walls and unknown cells."""
-    clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
-    # A traced wall may lie one cell away from the cells that it represents.
-    roomy = clearance * description.resolution > ROBOT_RADIUS + 2 * description.resolution
-    parts, count = ndimage.label(roomy)
-    if not count:
-        expected = f"free cells with room for a robot of radius {ROBOT_RADIUS} m"
-        raise InputError(description.picture, expected, "none")
-    largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
-    row, column = np.unravel_index(np.argmax(clearance * (parts == largest)), occupied.shape)
-    return (np.array([column, row]) + 0.5) * description.resolution
+def _start(
+    occupied: Cells, free: Cells, description: _Description
+) -> tuple[Float64[np.ndarray, "2"], tuple[str, ...]]:
+    """Return the start (m, from the lower left corner of the map), and notes about it.
+
+    It is the centre of the widest place in a connected part of the free cells in which a robot
+    fits. Parts within walls come first: no robot gets from them over free cells to the edge of the
+    picture. Of these it is the part with the origin of the map's frame, where the robot that made
+    the map usually began; else the largest. Ground outside that is far larger than all of them
+    comes before closets of a building that is open. If a robot gets out of all parts, the start
+    lies among the walls all the same.
+    """
+    notes: tuple[str, ...] = ()
+    parts = _Parts(free, description)
+    if not free.any():  # As where all but the walls is transparent.
+        parts = _Parts(~occupied, description)
+        notes = ("no cell is free; the start is on unknown ones",)
+    inside = parts.inside
+    for among in (_hull(occupied), _near(occupied, description.resolution)):
+        outside = parts.areas(among)
+        outside[inside] = 0
+        within = np.where(inside, parts.areas(), 0)
+        if within.max(initial=0) >= LEAST_SHARE * max(1, outside.max(initial=0)):
+            home = parts.at(description.home)
+            large = home and within[home - 1] >= _LEAST_HOME * within.max()
+            return parts.widest(home if large else 1 + int(np.argmax(within))), notes
+        if outside.max(initial=0):
+            return parts.widest(1 + int(np.argmax(outside)), among), (*notes, OPEN)
+    expected = f"free cells with room for a robot of radius {ROBOT_RADIUS} m"
+    raise InputError(description.picture, expected, "none")
+
+
+_LEAST_HOME = 0.01
+"""The part with the frame's origin is preferred if its area is at least this share of that of the
+largest part: it may be a pocket that the mapping left over."""
+
+
+class _Parts:
+    """The connected parts of the free cells in which a robot fits, numbered from 1.
+
+    Args:
+        free: The cells on which it may drive.
+        description: The map.
+    """
+
+    def __init__(self, free: Cells, description: _Description) -> None:
+        self._resolution = resolution = description.resolution
+        self._clearance = _depths(free)
+        # A traced wall may lie one cell away from the cells that it represents.
+        roomy = self._clearance * resolution > ROBOT_RADIUS + 2 * resolution
+        self._labels, self.count = ndimage.label(roomy)
+        self._free = free
+
+    @property
+    def inside(self) -> Bool[np.ndarray, "parts"]:
+        """Whether a robot cannot get from each part to the edge of the picture."""
+        # Beyond its edge a picture has no walls. Where every cell is free there are none at all.
+        passable = np.ones_like(self._free)
+        if not self._free.all():
+            apart = ndimage.distance_transform_edt(self._free)
+            passable = apart * self._resolution > ROBOT_RADIUS
+        joined, count = ndimage.label(passable)
+        leaves = np.zeros(count + 1, np.bool_)
+        for edge in (joined[0], joined[-1], joined[:, 0], joined[:, -1]):
+            leaves[edge] = True
+        leaves[0] = False
+        leaving = np.bincount(self._labels[leaves[joined]], minlength=self.count + 1)
+        return np.asarray(leaving[1:] == 0)
+
+    def areas(self, among: Cells | None = None) -> Int64[np.ndarray, "parts"]:
+        """Return the number of cells of each part, of those of `among` if it is given."""
+        labels = self._labels.ravel() if among is None else self._labels[among]
+        return np.bincount(labels, minlength=self.count + 1)[1:]
+
+    def at(self, place: Float64[np.ndarray, "2"]) -> int:
+        """Return the number of the part at a place (cells); 0 if there is none."""
+        column, row = np.floor(place).astype(int).tolist()
+        rows, columns = self._labels.shape
+        inside = 0 <= row < rows and 0 <= column < columns
+        return int(self._labels[row, column]) if inside else 0
+
+    def widest(self, number: int, among: Cells | None = None) -> Float64[np.ndarray, "2"]:
+        """Return the centre (m) of the cell of a part that is furthest from what is not free."""
+        part = self._labels == number
+        clearance = self._clearance
+        if among is not None:
+            part &= among
+            # As far as possible from the end of the ground among the walls, too.
+            clearance = np.minimum(clearance, _depths(among))
+        row, column = np.unravel_index(np.argmax(clearance * part), part.shape)
+        return (np.array([column, row]) + 0.5) * self._resolution
+
+
+def _depths(cells: Cells) -> Float64[np.ndarray, "rows columns"]:
+    """Return each cell's distance (cells) from the nearest that is not one of them, or the edge."""
+    return np.asarray(ndimage.distance_transform_edt(np.pad(cells, 1))[1:-1, 1:-1])
+
+
+def _hull(occupied: Cells) -> Cells:
+    """Return the cells in the convex hull of the occupied cells."""
+    rows, columns = np.nonzero(occupied)
+    hull = shapely.MultiPoint(np.stack((columns, rows), axis=1)).convex_hull
+    x, y = np.meshgrid(*(np.arange(length) for length in occupied.shape[::-1]))
+    return np.asarray(shapely.contains_xy(hull, x, y))
+
+
+def _near(occupied: Cells, resolution: float) -> Cells:
+    """Return the cells in the rectangle around the occupied cells, widened as in `FreeSpace`."""
+    margin = int((MARGIN - 1) * ROBOT_RADIUS / resolution)
+    near = np.zeros_like(occupied)
+    rows, columns = np.nonzero(occupied)
+    row, column = max(0, rows.min() - margin), max(0, columns.min() - margin)
+    near[row : rows.max() + margin + 1, column : columns.max() + margin + 1] = True
+    return near
 
 
 def _read_cells(description: _Description) -> tuple[Cells, Cells]:
@@ -148,53 +250,6 @@ def _read_cells(description: _Description) -> tuple[Cells, Cells]:
     darkness = shade if description.negate else np.subtract(1, shade, out=shade)
     upward = darkness[::-1]
     return upward > description.occupied_above, upward < description.free_below
-
-
-def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
-    """Return the picture's brightness, 0 to 255; of a coloured picture, the mean of its channels.
-
-    A picture of more than `LARGEST` cells is not unpacked.
-
-    Raises:
-        InputError: The file cannot be read, is not a PGM or PNG with 8 bits per channel, or has
-            more than `LARGEST` cells.
-    """
-    content = read_bytes(path, _BYTES * LARGEST)
-    expected = "an intact PGM or PNG image"
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # We count the cells.
-            picture = Image.open(BytesIO(content), formats=("PNG", "PPM"))
-        with picture:
-            _check_picture(path, picture)
-            colours: np.ndarray = np.asarray(picture.convert("RGB"))
-    except InputError:
-        raise
-    except UnidentifiedImageError:  # Its message contains a memory address.
-        raise InputError(path, expected, "another format") from None
-    except Image.DecompressionBombError:
-        raise InputError(path, f"{LARGEST:,} cells at most", "more") from None
-    except _CORRUPT as error:
-        raise InputError(path, expected, str(error)) from None
-    return np.asarray(colours.mean(axis=2))
-
-
-_BYTES = 4
-"""Largest number of bytes per cell in a file: three digits and a space."""
-_CORRUPT = (OSError, SyntaxError, ValueError, EOFError, IndexError, OverflowError, struct.error)
-"""What Pillow raises for truncated or corrupt files."""
-
-
-def _check_picture(path: Path, picture: Image.Image) -> None:
-    """Raise InputError for a picture that is too large or has an unsupported mode.
-
-    This happens before the picture is unpacked.
-    """
-    width, height = picture.size
-    if width * height > LARGEST:
-        raise InputError(path, f"{LARGEST:,} cells at most", f"{width:,} x {height:,}")
-    if picture.mode.startswith(("I", "F")):
-        raise InputError(path, "8 bits a channel", f"the mode {picture.mode}")
 
 
 def _describe(document: YamlDocument, path: Path) -> _Description:
@@ -210,8 +265,10 @@ def _describe(document: YamlDocument, path: Path) -> _Description:
     occupied_above, free_below = fields.share("occupied_thresh"), fields.share("free_thresh")
     if free_below > occupied_above:  # A cell could be both.
         raise fields.error("free_thresh", f"at most occupied_thresh, {occupied_above:g}")
+    picture, note = fields.picture()
     return _Description(
-        picture=fields.picture(),
+        picture=picture,
+        notes=(note,) if note else (),
         resolution=resolution,
         origin=np.array([x, y, yaw]),
         occupied_above=occupied_above,
@@ -245,16 +302,15 @@ class _Fields:
             raise self.error(key, "a number from 0 to 1")
         return value
 
-    def picture(self) -> Path:
-        """Return the path of the picture, which may be gzipped."""
+    def picture(self) -> tuple[Path, str]:
+        """Return the path of the picture, and a note if it is not where the file says."""
         name = self._document.data.get("image")
         if not isinstance(name, str):
             raise self.error("image", "the name of a picture")
-        path = self._path.parent / name
-        for choice in (path, path.parent / f"{path.name}.gz"):
-            if exists(choice) and not choice.is_dir():
-                return choice
-        raise self.error("image", "a picture that exists")
+        found = find_picture(self._path.parent, name)
+        if found is None:
+            raise self.error("image", "a picture that exists")
+        return found
 
     def error(self, key: str, expected: str) -> InputError:
         """Return the error for an invalid value at `key`."""

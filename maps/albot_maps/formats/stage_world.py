@@ -1,180 +1,316 @@
 """Read Stage's `.world` files: floor plans as bitmaps, boxes and blocks.
 
-The syntax is that of https://player-stage-manual.readthedocs.io: `include "file"`,
-`define NAME TYPE ( … )`, `TYPE ( … )` and `property value`. A value is a number, a quoted
-text, or a row of these in square brackets; `#` begins a comment.
-
-As in Stage, a model's shape is scaled to its `size`, whatever the shape's own units, then
-rotated and translated by its `pose`.
+As in Stage, a model's shape is scaled to its `size`, whatever the shape's own units, moved by its
+`origin`, and then rotated and translated by its `pose`, which is relative to the model around it.
+What robots touch and what their rangers see is one thing here, so a model that only rangers see
+is a wall.
 """
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import shapely
+from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
-from albot_core.files import exists, read_bytes
-from albot_core.geometry.poses import transform_segments
-from albot_core.geometry.types import Segments
+from albot_core.geometry.poses import compose, inverse, transform_points, transform_segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.plain_data import LARGEST
-from albot_maps.formats.reachable import check_coordinates
-from albot_maps.formats.ros_grid import read_shades, trace_cells
+from albot_maps.formats.picture import find_picture, read_shades
+from albot_maps.formats.reachable import check_coordinates, start_within
+from albot_maps.formats.ros_grid import Cells, trace_cells
+from albot_maps.formats.stage_text import Model, StageText, Value
 from albot_maps.freespace import FreeSpace
 from albot_maps.world import ROBOT_RADIUS, SHORTEST_WALL, World
 
-Value = str | float | list[str | float]
-"""Value of a property."""
-
-_TOKEN = re.compile(
-    r"""(?P<skip>[ \t\r]+|\#[^\n]*)|(?P<line>\n)|"(?P<text>[^"\n]*)"|(?P<mark>[()\[\]])
-    |(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]))
-    |(?P<word>[A-Za-z_][\w.\-]*(?:\[\d+\])?)""",
-    re.VERBOSE,
-)
-_DEEPEST_NESTING = 50
-"""Largest depth of nested includes, and of nested models."""
 _SOLID_TYPES = {"model", "floorplan"}
 """Types that are obstacles; Stage's other types are robots and their parts."""
+_ROBOT = "position"
+"""Stage's type of what drives."""
+_STAGE_TYPES = {
+    *("position", "ranger", "laser", "sonar", "sensor", "fiducial", "blobfinder", "bumper"),
+    *("gripper", "camera", "ptz", "wifi", "lightindicator", "blinkenlight", "actuator", "puck"),
+    *("speech", "audio", "power", "window", "gui", "block", "loadcell", "draw"),
+}
+"""Stage's own types that are no obstacles here."""
 _DARK = 128
 """A pixel darker than this is solid."""
 _SQUARE = np.array([[0.0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]])
-_LARGEST = 4 << 20
-"""Largest size of a file (bytes); real worlds have a few thousand."""
 _DEEPEST = 50
 """Largest number of definitions that build on each other."""
+_LOWEST = 0.05
+"""A model that robots do not touch and that is lower than this (m) is a mark on the floor."""
 
 
 def read_stage_world(path: Path) -> World:
     """Return the world in a Stage file.
 
     Skipped, with a note each, are included files that are missing, models of the types that
-    these would define, robots, and sensors. The start is the centre of the widest place in the
-    largest region that walls enclose.
+    these would define, robots, and sensors. A note tells which models are walls because rangers
+    see them, though robots of Stage drive through (`obstacle_return 0`). What robots touch and
+    rangers do not see (`ranger_return -1`) is glass. The start is the centre of the widest place
+    within walls: where the file's first robot is, else where there is most room.
 
     Raises:
-        InputError: The file or its bitmap cannot be read, or nothing in it is an obstacle.
+        InputError: The file or its bitmap cannot be read, nothing in it is an obstacle, no robot
+            has room, or a floor plan is neither touched nor seen, so that there is no building.
     """
     text = StageText()
     text.read(path)
-    walls, left_out = [], Counter[str]()
-    notes = [f"missing include: {name}" for name in dict.fromkeys(text.missing)]
+    found = _Contents(text)
     for model in text.models:
-        solid = _Solid(model, text)
-        if solid.is_obstacle:
-            walls.append(solid.walls())
-            notes += solid.notes
-        else:
-            left_out[model.type] += 1
-    if not walls:
-        raise InputError(path, "a floorplan or a model that is an obstacle", "none")
-    if left_out:
-        listed = ", ".join(f"{count} {kind}" for kind, count in left_out.items())
-        notes.append(f"skipped (unknown or not an obstacle): {listed}")
-    everything = np.concatenate(walls)
+        found.add(model, np.zeros(3))
+    if not found.bodies:
+        raise InputError(path, "a floorplan or a model that is an obstacle", found.nothing)
+    if found.dropped_plan is not None and not any(body.is_plan for body in found.bodies):
+        raise found.dropped_plan
+    everything = np.concatenate([body.walls for body in found.bodies])
     check_coordinates(everything, path)
+    start, notes = _start(everything, found, path)
     return World(
         name=path.stem,
         walls=everything,
-        starts=_start(everything, path),
-        notes=tuple(notes),
+        glass=np.concatenate([np.full(len(body.walls), body.is_glass) for body in found.bodies]),
+        starts=np.array([[*start, 0.0]]),
+        notes=(*found.notes, *notes),
         source=str(path),
     )
 
 
-def _start(walls: Segments, path: Path) -> np.ndarray:
-    """Return the centre of the widest place in the largest region that walls enclose."""
+def _start(
+    walls: Segments, found: _Contents, path: Path
+) -> tuple[Float64[np.ndarray, "2"], tuple[str, ...]]:
+    """Return the start, in no solid body, and notes about it.
+
+    Raises:
+        InputError: No robot has room.
+    """
     space = FreeSpace(walls, ROBOT_RADIUS)
-    closed = [region for region in space.regions if space.encloses(region)]
-    if not closed:
-        raise InputError(path, f"walls that enclose a robot of radius {ROBOT_RADIUS} m", "none")
-    widest = max(closed, key=lambda region: float(region.area))
-    x, y = shapely.maximum_inscribed_circle(widest, tolerance=0.05).coords[0]
-    return np.array([[round(x, 2), round(y, 2), 0.0]])
+    middles = np.array([region.representative_point().coords[0] for region in space.regions])
+    solid = np.zeros(len(middles), np.bool_)
+    for body in found.bodies:
+        solid |= body.covers(middles)
+    open_regions = [region for region, shut in zip(space.regions, solid, strict=True) if not shut]
+    chosen = start_within(space, open_regions, found.homes)
+    if chosen is None:
+        raise InputError(path, f"walls with room for a robot of radius {ROBOT_RADIUS} m", "none")
+    return chosen
 
 
-class _Solid:
-    """A model, completed by the definitions of its type."""
+@dataclass
+class _Contents:
+    """The bodies and robots of a world, and what was skipped."""
 
-    def __init__(self, model: Model, text: StageText) -> None:
+    text: StageText
+    bodies: list[_Body] = field(default_factory=list)
+    """Everything that is a wall."""
+    homes: list[Float64[np.ndarray, "2"]] = field(default_factory=list)
+    """Positions of the robots (m)."""
+    dropped_plan: InputError | None = None
+    """The error for the first floor plan that nothing notices; None without one."""
+    _skipped: Counter[str] = field(default_factory=Counter)
+    _seen: Counter[str] = field(default_factory=Counter)
+    _taken: Counter[str] = field(default_factory=Counter)
+
+    def add(self, model: Model, frame: Pose) -> None:
+        """Add a model, and the models nested in it, in the frame of the model around it."""
+        body = _Body(model, self.text, frame)
+        if body.kind == _ROBOT:
+            self.homes.append(body.frame[:2])
+        if not body.may_be_solid:
+            self._skipped[model.type] += 1
+            return
+        if body.is_obstacle or body.is_seen:
+            self.bodies.append(body)
+            self._seen[model.type] += not body.is_obstacle
+            self._taken[model.type] += body.kind not in _SOLID_TYPES
+        else:
+            self._skipped[model.type] += 1
+            if body.is_plan and self.dropped_plan is None:
+                self.dropped_plan = body.error("a floor plan that robots touch or rangers see")
+        for part in body.parts:
+            self.add(part, body.frame)
+
+    @property
+    def nothing(self) -> str:
+        """What to say if nothing is an obstacle."""
+        return f"none ({'; '.join(notes)})" if (notes := self.notes) else "none"
+
+    @property
+    def notes(self) -> list[str]:
+        """What was skipped or assumed, one sentence each."""
+        notes = [f"missing include: {name}" for name in dict.fromkeys(self.text.missing)]
+        notes += dict.fromkeys(note for body in self.bodies for note in body.notes)
+        for title, counts in (
+            ("not defined, taken for floor plans because of their bitmaps", self._taken),
+            ("walls, because rangers see them (obstacle_return 0)", self._seen),
+            ("skipped (unknown or not an obstacle)", self._skipped),
+        ):
+            if +counts:
+                listed = ", ".join(f"{count} {kind}" for kind, count in (+counts).items())
+                notes.append(f"{title}: {listed}")
+        return notes
+
+
+class _Body:
+    """A model, completed by the definitions of its type.
+
+    Args:
+        model: The model.
+        text: The definitions.
+        frame: Pose of the model around it.
+    """
+
+    def __init__(self, model: Model, text: StageText, frame: Pose) -> None:
         self._model = model
         self._values: dict[str, Value] = dict(model.values)
-        self._blocks = [part for part in model.parts if part.type == "block"]
-        self.notes: list[str] = []
-        kind = model.type
+        parts = list(model.parts)
+        self.kind = model.type
+        """Stage's own type that it is derived from, or a type that no file defines."""
+        kinds = {self.kind}
         for _ in range(_DEEPEST):
-            definition = text.defined.get(kind)
+            definition = text.defined.get(self.kind)
             if definition is None:
                 break
             self._values = definition.values | self._values
-            self._blocks += [part for part in definition.parts if part.type == "block"]
-            kind = definition.type
-        self._kind = kind
+            parts += definition.parts
+            self.kind = definition.type
+            kinds.add(self.kind)
+        self._blocks = [part for part in parts if part.type == "block"]
+        self.parts = [part for part in parts if part.type != "block"]
+        """The models nested in it."""
+        self.is_plan = "bitmap" in self._values or "floorplan" in kinds
+        """Whether it is a floor plan, rather than a thing."""
+        self.notes: list[str] = []
+        """What was assumed about its bitmap."""
+        self._picture = Path()
+        self._around = frame
+
+    @property
+    def may_be_solid(self) -> bool:
+        """Whether it is of a type that can be an obstacle.
+
+        A type that no file defines is one if it has a bitmap: the definition is in an include that
+        is missing, and a building must not be lost.
+        """
+        unknown = self.kind not in _STAGE_TYPES
+        return self.kind in _SOLID_TYPES or (unknown and "bitmap" in self._values)
 
     @property
     def is_obstacle(self) -> bool:
-        """Whether it is an obstacle."""
-        return self._kind in _SOLID_TYPES and self._values.get("obstacle_return", 1.0) != 0
+        """Whether robots touch it."""
+        return self._values.get("obstacle_return", 1.0) != 0
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether rangers see a body that robots do not touch."""
+        size = self._values.get("size")
+        if isinstance(size, list) and _all_numbers([size]) and not self.is_plan:
+            sides = np.array(size, np.float64)
+            if (sides[:2] == 0).any() or (sides[2:] < _LOWEST).any():
+                return False  # No body, or a mark on the floor.
+        return not self._is_invisible and self._values.get("ranger_return", 1.0) != 0
+
+    @property
+    def is_glass(self) -> bool:
+        """Whether rangers look through it."""
+        return self.is_obstacle and self._is_invisible
+
+    @property
+    def _is_invisible(self) -> bool:
+        """Whether the file says that rangers do not see it."""
+        returns = self._values.get("ranger_return")
+        if returns is None:  # Files for Stage 3 and earlier.
+            return self._values.get("laser_return", 1.0) == 0
+        return isinstance(returns, float) and returns < 0
+
+    @cached_property
+    def frame(self) -> Pose:
+        """Its pose in the world."""
+        pose = self._numbers("pose", (3, 4), [0.0, 0.0, 0.0])
+        return compose(self._around, np.array([pose[0], pose[1], np.deg2rad(pose[-1])]))
+
+    @cached_property
     def walls(self) -> Segments:
-        """Return its outline in the world (m)."""
-        shape = self._shape()
-        corners = shape.reshape(-1, 2)
+        """Its outline in the world (m)."""
+        middle, factor = self._scale
+        scaled = ((self._outline.reshape(-1, 2) - middle) * factor).reshape(-1, 4)
+        return transform_segments(self._place, scaled)
+
+    def covers(self, points: Points) -> Bool[np.ndarray, "points"]:
+        """Return which points (m) lie inside the solid parts of its shape."""
+        middle, factor = self._scale
+        x, y = (transform_points(inverse(self._place), points) / factor + middle).T
+        if self._dark is not None:
+            rows, columns = self._dark.shape
+            column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+            on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+            return np.asarray(on & self._dark[row * on, column * on])
+        lines = self._polygons or [_SQUARE[:, :2]]
+        solid = shapely.union_all([shapely.make_valid(shapely.Polygon(line)) for line in lines])
+        return np.asarray(shapely.contains_xy(solid, x, y))
+
+    @cached_property
+    def _place(self) -> Pose:
+        """Pose of the middle of its shape in the world."""
+        origin = self._numbers("origin", (2, 3, 4), [0.0, 0.0, 0.0])
+        turn = np.deg2rad(origin[-1]) if len(origin) > 2 else 0.0
+        return compose(self.frame, np.array([origin[0], origin[1], turn]))
+
+    @cached_property
+    def _scale(self) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+        """The middle of its shape in the shape's own units, and the metres that a unit has."""
+        corners = self._outline.reshape(-1, 2)
         low, high = corners.min(axis=0), corners.max(axis=0)
         if (high - low <= SHORTEST_WALL).any():
             raise self._error("a shape with an area", "a line")
         size = self._numbers("size", (2, 3), [1.0, 1.0])[:2]
         if (size <= 0).any():
             raise self._error("a size larger than 0", str(size.tolist()))
-        pose = self._numbers("pose", (3, 4), [0.0, 0.0, 0.0])
-        stretched = ((corners - (low + high) / 2) * size / (high - low)).reshape(-1, 4)
-        turned = np.array([pose[0], pose[1], np.deg2rad(pose[-1])])
-        return transform_segments(turned, stretched)
+        return (low + high) / 2, size / (high - low)
 
-    def _shape(self) -> Segments:
-        """Return its outline in the shape's own units."""
-        if "bitmap" in self._values:
-            return self._bitmap(str(self._values["bitmap"]))
-        if not self._blocks:
+    @cached_property
+    def _outline(self) -> Segments:
+        """Its outline in the shape's own units."""
+        if self._dark is not None:
+            # With `boundary 1`, the picture's edge is a wall, too.
+            edge = _SQUARE * np.array([self._dark.shape[::-1] * 2])
+            traced = trace_cells(self._dark, self._picture)
+            bounded = self._values.get("boundary", 0.0) == 1
+            return np.concatenate((traced, edge)) if bounded else traced
+        if not self._polygons:
             return _SQUARE
-        outlines = [self._outline(block) for block in self._blocks]
         return np.concatenate(
-            [np.concatenate((points, np.roll(points, -1, axis=0)), axis=1) for points in outlines]
+            [np.concatenate((line, np.roll(line, -1, axis=0)), axis=1) for line in self._polygons]
         )
 
-    def _bitmap(self, name: str) -> Segments:
-        """Return the outlines of the dark pixels; with `boundary 1`, the picture's edge too."""
-        folder = self._model.path.parent
-        picture = folder / name
-        beside = folder / Path(name).name
-        if not exists(picture) and exists(beside):
-            self.notes.append(f"{name} is missing; used {beside.name}")
-            picture = beside
-        if not exists(picture) or picture.is_dir():
+    @cached_property
+    def _dark(self) -> Cells | None:
+        """The dark pixels of its bitmap, the lowest row first; None without a bitmap."""
+        name = self._values.get("bitmap")
+        if name is None:
+            return None
+        found = find_picture(self._model.path.parent, str(name))
+        if found is None:
             raise self._error("a picture that exists", repr(name), "bitmap")
+        picture, note = found
+        self._picture = picture
+        self.notes += [note] if note else []
         dark = read_shades(picture)[::-1] < _DARK
         if not dark.any():
             raise InputError(picture, "at least one dark pixel", "none")
-        edge = _SQUARE * np.array([dark.shape[::-1] * 2])
-        bounded = self._values.get("boundary", 0.0) == 1
-        traced = trace_cells(dark, picture)
-        return np.concatenate((traced, edge)) if bounded else traced
+        return dark
 
-    def _outline(self, block: Model) -> np.ndarray:
-        points = [value for key, value in block.values.items() if key.startswith("point[")]
-        rows = [row for row in points if isinstance(row, list) and len(row) == 2]
-        if len(rows) != len(points) or len(rows) < 3 or not _all_numbers(rows):
-            raise InputError(
-                block.path, "3 points or more of 2 numbers each", place=f"line {block.line}"
-            )
-        return np.array(rows, dtype=np.float64)
+    @cached_property
+    def _polygons(self) -> list[Points]:
+        """The outlines of its blocks."""
+        return [_block_outline(block) for block in self._blocks]
 
     def _numbers(self, key: str, lengths: tuple[int, ...], otherwise: list[float]) -> np.ndarray:
         row = self._values.get(key, list(otherwise))
@@ -183,154 +319,28 @@ class _Solid:
             raise self._error(expected, str(row))
         return np.array(row, dtype=np.float64)
 
+    def error(self, expected: str) -> InputError:
+        """Return the error for what nothing notices; it names the properties that say so."""
+        keys = ("obstacle_return", "ranger_return", "laser_return")
+        said = [f"{key} {self._values[key]:g}" for key in keys if self._is_number(key)]
+        return self._error(expected, f"{self._model.type} with {' and '.join(said)}")
+
+    def _is_number(self, key: str) -> bool:
+        return isinstance(self._values.get(key), float)
+
     def _error(self, expected: str, found: str, key: str = "") -> InputError:
         place = f"line {self._model.line}" + (f", {key}" if key else "")
         return InputError(self._model.path, expected, found, place=place)
 
 
-def _all_numbers(rows: list[list[str | float]]) -> bool:
+def _block_outline(block: Model) -> Points:
+    points = [value for key, value in block.values.items() if key.startswith("point[")]
+    rows = [row for row in points if isinstance(row, list) and len(row) == 2]
+    if len(rows) != len(points) or len(rows) < 3 or not _all_numbers(rows):
+        expected = "3 points or more of 2 numbers each"
+        raise InputError(block.path, expected, place=f"line {block.line}")
+    return np.array(rows, dtype=np.float64)
+
+
+def _all_numbers(rows: Iterable[Sequence[str | float]]) -> bool:
     return all(isinstance(item, float) and abs(item) <= LARGEST for row in rows for item in row)
-
-
-@dataclass(kw_only=True)
-class Model:
-    """A model as written in the file."""
-
-    type: str
-    """Its type: one of Stage's own, or one that a file defines."""
-    path: Path
-    """The file that contains it."""
-    line: int
-    """Line at which it begins."""
-    values: dict[str, Value] = field(default_factory=dict)
-    """Its properties."""
-    parts: list[Model] = field(default_factory=list)
-    """The models nested in it."""
-
-
-@dataclass
-class StageText:
-    """A Stage world file and the files that it includes."""
-
-    models: list[Model] = field(default_factory=list)
-    """The models of the world."""
-    defined: dict[str, Model] = field(default_factory=dict)
-    """The types that files define, by name."""
-    missing: list[str] = field(default_factory=list)
-    """Included files that are missing."""
-
-    def read(self, path: Path, depth: int = 0) -> None:
-        """Add the content of a file.
-
-        Raises:
-            InputError: The file cannot be read, or has a syntax error.
-        """
-        if depth > _DEEPEST_NESTING:
-            raise InputError(path, f"files included {_DEEPEST_NESTING} deep at most", "more")
-        parser = _Parser(path)
-        while (token := parser.next()) is not None:
-            if token.text == "include" and token.kind == "word":
-                _, name, line = parser.expect("text", "the name of a file")
-                included = path.parent / name
-                if not exists(included):
-                    self.missing.append(name)
-                elif included.is_dir():
-                    place = f"line {line}, include"
-                    raise InputError(path, "a file, not a folder", repr(name), place=place)
-                else:
-                    self.read(included, depth + 1)
-            elif token.text == "define" and token.kind == "word":
-                name = parser.expect("word", "a name").text
-                self.defined[name] = parser.model(parser.expect("word", "a type"))
-            elif (model := parser.model_or_value(token, {}, 0)) is not None:
-                self.models.append(model)
-
-
-class _Token(NamedTuple):
-    kind: str
-    text: str
-    line: int
-
-
-class _Parser:
-    """A parser of one file."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        try:
-            text = read_bytes(path, _LARGEST).decode()
-        except UnicodeDecodeError as error:
-            found = f"the byte 0x{error.object[error.start]:02x}"
-            raise InputError(path, "UTF-8 text", found) from None
-        self._tokens = list(self._split(text))
-        self._position = 0
-
-    def next(self) -> _Token | None:
-        """Return the next token; None at the end."""
-        if self._position == len(self._tokens):
-            return None
-        self._position += 1
-        return self._tokens[self._position - 1]
-
-    def expect(self, kind: str, what: str) -> _Token:
-        """Return the next token; raise InputError if it is not of `kind`."""
-        token = self.next()
-        if token is None or token.kind != kind:
-            raise self._error(what, token)
-        return token
-
-    def model(self, token: _Token, depth: int = 0) -> Model:
-        """Return the model whose type is `token`, parsed from its `(` to its `)`."""
-        if depth > _DEEPEST_NESTING:
-            raise self._error(f"models nested {_DEEPEST_NESTING} deep at most", token)
-        model = Model(type=token.text, path=self._path, line=token.line)
-        opened = self.next()
-        if opened is None or opened.text != "(":
-            raise self._error("(", opened)
-        while (inner := self.next()) is None or inner.text != ")" or inner.kind != "mark":
-            if inner is None:
-                raise self._error(f"a ) for the ( of line {opened.line}", None)
-            part = self.model_or_value(inner, model.values, depth)
-            if part is not None:
-                model.parts.append(part)
-        return model
-
-    def model_or_value(self, token: _Token, values: dict[str, Value], depth: int) -> Model | None:
-        """Return the model that begins with `token`; None after storing a property in `values`."""
-        if token.kind != "word":
-            raise self._error("a model or a property", token)
-        following = self.next()
-        if following is not None and following.kind == "mark" and following.text == "(":
-            self._position -= 1
-            return self.model(token, depth + 1)
-        values[token.text] = self._value(following)
-        return None
-
-    def _value(self, token: _Token | None) -> Value:
-        if token is None or (token.kind == "mark" and token.text != "["):
-            raise self._error("a value", token)
-        if token.kind != "mark":
-            return float(token.text) if token.kind == "number" else token.text
-        row: list[str | float] = []
-        while (item := self.next()) is not None and item.kind != "mark":
-            row.append(float(item.text) if item.kind == "number" else item.text)
-        if item is None or item.text != "]":
-            raise self._error("]", item)
-        return row
-
-    def _split(self, text: str) -> Iterator[_Token]:
-        position, line = 0, 1
-        while position < len(text):
-            match = _TOKEN.match(text, position)
-            if match is None:
-                raise self._error("Stage's syntax", _Token("", text[position], line))
-            kind = str(match.lastgroup)
-            if kind == "line":
-                line += 1
-            elif kind != "skip":
-                yield _Token(kind, match[kind], line)
-            position = match.end()
-
-    def _error(self, expected: str, found: _Token | None) -> InputError:
-        place = f"line {found.line}" if found else "end of the file"
-        return InputError(self._path, expected, repr(found.text) if found else "", place=place)

@@ -12,10 +12,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from albot_core.errors import InputError
-from albot_maps import load_world
+from albot_maps import ROBOT_RADIUS, World, load_world
 from albot_maps.formats.ros_grid import trace_cells
 from albot_maps.freespace import wall_lines
 
@@ -235,8 +235,130 @@ def test_a_torn_picture_is_an_error(tmp_path, content):
         load_world(str(path))
 
 
-def test_a_picture_of_sixteen_bits_is_an_error(tmp_path):
+def test_a_picture_of_sixteen_bits_is_read(tmp_path):
+    plain = load_world(str(write_map(tmp_path, room())))
     path = write_map(tmp_path, room(), image="map.png")
     Image.fromarray(room().astype(np.uint16) * 257).save(tmp_path / "map.png")
-    with pytest.raises(InputError, match="8 bits a channel"):
-        load_world(str(path))
+    assert np.array_equal(load_world(str(path)).walls, plain.walls)
+
+
+def test_a_picture_at_the_path_of_another_machine_is_found_beside_the_file(tmp_path):
+    plain = load_world(str(write_map(tmp_path, room())))
+    world = load_world(str(write_map(tmp_path, room(), image="/home/robot/maps/map.pgm")))
+    assert np.array_equal(world.walls, plain.walls)
+    assert plain.notes == ()
+    assert world.notes == ("/home/robot/maps/map.pgm is missing; used map.pgm",)
+
+
+# Where robots start. The maps are white outside their walls, as race tracks are and what was
+# made black and white.
+
+
+def drawing(width: float, height: float) -> tuple[Image.Image, ImageDraw.ImageDraw]:
+    """A white map (m), and what draws on it in cells of 0.1 m."""
+    image = Image.new("L", (round(10 * width), round(10 * height)), 255)
+    return image, ImageDraw.Draw(image)
+
+
+def load_drawing(folder: Path, image: Image.Image, **changes: object) -> World:
+    return load_world(str(write_map(folder, np.asarray(image), **changes)))
+
+
+def ring() -> Image.Image:
+    """A lane 3 m wide round an infield with a radius of 5 m, on 30 m by 30 m."""
+    image, draw = drawing(30, 30)
+    for radius in (50, 80):
+        draw.ellipse((150 - radius, 150 - radius, 150 + radius, 150 + radius), outline=0, width=3)
+    return image
+
+
+def test_on_a_race_track_the_start_is_on_the_lane(tmp_path):
+    world = load_drawing(tmp_path, ring())
+    assert 5.3 < np.hypot(*(world.starts[0, :2] - 15)) < 7.7
+    assert world.closed
+    assert world.notes == ()
+
+
+@pytest.mark.parametrize(("home", "low", "high"), [((15, 15), 0, 4.7), ((21.5, 15), 5.3, 7.7)])
+def test_the_start_is_where_the_frame_of_the_map_begins(tmp_path, home, low, high):
+    world = load_drawing(tmp_path, ring(), origin=[-home[0], -home[1], 0.0])
+    assert low <= np.hypot(*(world.starts[0, :2] + home - 15)) < high
+
+
+def test_a_frame_that_begins_outside_changes_nothing(tmp_path):
+    world = load_drawing(tmp_path, ring(), origin=[-1.0, -1.0, 0.0])
+    assert 5.3 < np.hypot(*(world.starts[0, :2] - 14)) < 7.7
+
+
+def test_a_building_with_an_open_door_is_started_in_not_its_closet(tmp_path):
+    image, draw = drawing(40, 30)
+    draw.rectangle((50, 50, 350, 250), outline=0, width=2)
+    draw.rectangle((50, 50, 62, 62), outline=0, width=2)  # the closet
+    draw.rectangle((340, 140, 360, 155), fill=255)  # the door
+    world = load_drawing(tmp_path, image)
+    x, y = world.starts[0, :2]
+    assert 6.5 < x < 34
+    assert 6.5 < y < 24
+    assert not world.closed
+    assert world.notes == ("no walls enclose the start: a robot can leave the map",)
+
+
+def test_a_room_within_a_building_that_is_open_is_good_ground(tmp_path):
+    image, draw = drawing(40, 30)
+    draw.rectangle((50, 50, 350, 250), outline=0, width=2)
+    draw.rectangle((50, 50, 170, 170), outline=0, width=2)
+    draw.rectangle((340, 140, 360, 155), fill=255)
+    world = load_drawing(tmp_path, image)
+    assert world.closed
+    assert world.notes == ()
+
+
+def test_islands_in_the_open_are_started_among(tmp_path):
+    image, draw = drawing(40, 40)
+    for x, y in ((150, 150), (250, 150), (150, 250), (250, 250)):
+        draw.rectangle((x, y, x + 10, y + 10), fill=0)
+    world = load_drawing(tmp_path, image)
+    assert (np.abs(world.starts[0, :2] - 20.5) < 5).all()
+    assert len(world.notes) == 1
+
+
+def test_a_single_island_is_started_beside(tmp_path):
+    image, draw = drawing(40, 40)
+    draw.rectangle((150, 150, 160, 160), fill=0)
+    world = load_drawing(tmp_path, image)
+    x, y = world.starts[0, :2]
+    assert 14 < x < 17.1
+    assert 22.9 < y < 26
+
+
+def test_a_hole_that_no_robot_passes_is_no_way_out(tmp_path):
+    image, draw = drawing(20, 20)
+    draw.rectangle((50, 50, 150, 150), outline=0, width=2)
+    draw.rectangle((145, 100, 155, 103), fill=255)
+    world = load_drawing(tmp_path, image)
+    assert world.notes == ()
+    assert (np.abs(world.starts[0, :2] - 10) < 5).all()
+
+
+def test_a_floor_that_is_nowhere_free_is_started_on_all_the_same(tmp_path):
+    picture = np.where(room() == FREE, UNKNOWN, room()).astype(np.uint8)
+    world = load_world(str(write_map(tmp_path, picture)))
+    assert world.closed
+    assert world.notes == ("no cell is free; the start is on unknown ones",)
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays.arrays(np.bool_, st.tuples(st.integers(4, 14), st.integers(4, 14))), st.data())
+def test_a_start_is_on_ground_that_robots_reach(tmp_path_factory, occupied, data):
+    """Patches of 0.8 m, so that robots fit between them or do not."""
+    free = data.draw(arrays.arrays(np.bool_, occupied.shape))
+    picture = np.where(occupied, OCCUPIED, np.where(free, FREE, UNKNOWN)).astype(np.uint8)
+    picture = picture.repeat(8, axis=0).repeat(8, axis=1)
+    folder = tmp_path_factory.mktemp("map")
+    try:
+        world = load_world(str(write_map(folder, picture)))
+    except InputError as error:
+        assert "free cells with room" in str(error) or "at least one occupied" in str(error)
+        return
+    assert world.reaches(world.starts[0, :2])
+    assert wall_lines(world.walls).distance(shapely.Point(world.starts[0, :2])) > ROBOT_RADIUS
