@@ -276,11 +276,12 @@ class World:
         self._check_numbers("starts", self.starts)
         x_min, y_min, x_max, y_max = self.bounds
         margin = MARGIN * ROBOT_RADIUS
-        for index, (x, y) in enumerate(self.starts[:, :2].tolist()):
-            across = x_min - margin <= x <= x_max + margin
-            if not (across and y_min - margin <= y <= y_max + margin):
-                expected = f"at most {margin:g} m outside the rectangle around the walls"
-                raise self._error(f"starts[{index}]", expected, f"({x:g}, {y:g})")
+        low, high = np.array([x_min, y_min]) - margin, np.array([x_max, y_max]) + margin
+        places = self.starts[:, :2]
+        for index in np.flatnonzero(((places < low) | (places > high)).any(axis=1)):
+            expected = f"at most {margin:g} m outside the rectangle around the walls"
+            x, y = places[index]
+            raise self._error(f"starts[{index}]", expected, f"({x:g}, {y:g})")
         clearance = shapely.distance(shapely.points(self.starts[:, :2]), wall_lines(self.walls))
         for index in np.flatnonzero(clearance < ROBOT_RADIUS):
             raise self._error(

@@ -146,15 +146,14 @@ def _start(
         notes = ("no cell is free; the start is on unknown ones",)
     inside = parts.inside
     for among in (_hull(occupied), _near(occupied, description.resolution)):
-        outside = parts.areas(among)
-        outside[inside] = 0
+        near_walls = parts.areas(among)
         within = np.where(inside, parts.areas(), 0)
-        if within.max(initial=0) >= LEAST_SHARE * max(1, outside.max(initial=0)):
+        if within.max(initial=0) >= LEAST_SHARE * max(1, near_walls.max(initial=0)):
             home = parts.at(description.home)
             large = home and within[home - 1] >= _LEAST_HOME * within.max()
             return parts.widest(home if large else 1 + int(np.argmax(within))), notes
-        if outside.max(initial=0):
-            return parts.widest(1 + int(np.argmax(outside)), among), (*notes, OPEN)
+        if near_walls.max(initial=0):
+            return parts.widest(1 + int(np.argmax(near_walls)), among), (*notes, OPEN)
     expected = f"free cells with room for a robot of radius {ROBOT_RADIUS} m"
     raise InputError(description.picture, expected, "none")
 

@@ -322,6 +322,17 @@ def test_islands_in_the_open_are_started_among(tmp_path):
     assert len(world.notes) == 1
 
 
+def test_the_start_is_well_within_the_hull_of_the_islands(tmp_path):
+    """The place furthest from all three is on the line between two of them."""
+    image, draw = drawing(60, 60)
+    for x, y in ((150, 450), (450, 450), (150, 150)):
+        draw.rectangle((x - 2, y - 2, x + 2, y + 2), fill=0)
+    x, y = load_drawing(tmp_path, image).starts[0, :2] - 15
+    assert x > 4
+    assert y > 4
+    assert x + y < 24
+
+
 def test_a_single_island_is_started_beside(tmp_path):
     image, draw = drawing(40, 40)
     draw.rectangle((150, 150, 160, 160), fill=0)

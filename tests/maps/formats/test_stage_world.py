@@ -250,6 +250,26 @@ def test_the_start_is_in_the_largest_room_or_where_the_first_robot_is(folder):
     assert -1 < two_rooms(folder, "bot ( pose [-9 0 0 0] )")[0] < 5
 
 
+def test_among_posts_the_start_is_within_their_hull(folder):
+    places = ((0, 0), (30, 0), (0, 30))
+    posts = (f"model ( pose [{x} {y} 0 0] size [0.4 0.4 1] )" for x, y in places)
+    x, y = read(folder, "\n".join(posts)).starts[0, :2]
+    assert x > 4
+    assert y > 4
+    assert x + y < 24
+
+
+def test_a_building_with_an_open_door_is_started_in_not_its_closet(folder):
+    pixels = np.full((60, 100), 255, np.uint8)
+    pixels[:, :1] = pixels[:, -1:] = pixels[:1] = pixels[-1:] = 0
+    pixels[10, :10] = pixels[:10, 10] = 0
+    pixels[30:40, -1] = 255
+    Image.fromarray(pixels).save(folder / "bitmaps" / "open.png")
+    world = read(folder, 'floorplan ( bitmap "bitmaps/open.png" size [20 12 1] )')
+    assert (np.abs(world.starts[0, :2]) < (8, 5)).all()
+    assert world.notes == ("no walls enclose the start: a robot can leave the map",)
+
+
 @pytest.mark.parametrize(
     "thing",
     [
