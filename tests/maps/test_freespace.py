@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from albot_maps.freespace import FreeSpace
+from albot_maps.freespace import FreeSpace, wall_lines
 
 ROOM = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
 
@@ -68,3 +68,16 @@ def test_two_points_hang_together_as_a_flood_fill_says(walls):
                 assert region is other_region
             if wide[tuple(spot)] != wide[tuple(other)]:
                 assert region is not other_region
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), min_size=3, max_size=7))
+def test_no_free_space_is_near_a_closed_wall_that_crosses_itself(corners):
+    points = np.array(corners, float) / 10
+    walls = np.concatenate((points, np.roll(points, -1, axis=0)), axis=1)
+    walls = walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+    if not len(walls):
+        return
+    lines = wall_lines(walls)
+    for region in FreeSpace(walls, 0.25).regions:
+        assert region.distance(lines) > 0.246

@@ -37,15 +37,19 @@ def read_house_json(path: Path) -> World:
     corners = corners[steps > SHORTEST_WALL]
     if len(corners) < 3:
         raise InputError(path, "an outline of 3 corners or more", str(len(corners)), place="verts")
-    outline = shapely.make_valid(shapely.Polygon(corners))
+    drawn = shapely.Polygon(corners)
+    outline = shapely.make_valid(drawn)
     rooms = _rooms(house, outline, path)
+    notes: tuple[str, ...] = ()
+    if not rooms:
+        rooms, notes = _whole_house(drawn, outline, path)
     name = house.get("id")
     return reachable_world(
         name=name if isinstance(name, str) and name.strip() else path.stem,
         walls=np.concatenate((corners, np.roll(corners, -1, axis=0)), axis=1),
-        rooms=rooms or (Room(name="house", boundary=corners),),
+        rooms=rooms,
         exits=(),
-        notes=(),
+        notes=notes,
         source=str(path),
     )
 
@@ -66,6 +70,25 @@ def _rooms(house: dict[str, Any], outline: shapely.Geometry, path: Path) -> tupl
                 found.append((part.area, name, np.array(part.exterior.coords[:-1])))
     found.sort(key=lambda room: room[0])
     return tuple(Room(name=name, boundary=boundary) for _, name, boundary in found)
+
+
+def _whole_house(
+    drawn: shapely.Polygon, outline: shapely.Geometry, path: Path
+) -> tuple[tuple[Room, ...], tuple[str, ...]]:
+    """Return the only room of a house without labels, and notes about it.
+
+    Args:
+        drawn: The outline as it is in the file.
+        outline: The same without crossings.
+        path: The file.
+    """
+    if drawn.is_valid:
+        return (Room(name="house", boundary=np.array(drawn.exterior.coords[:-1])),), ()
+    part = _largest(outline)
+    if part is None:
+        raise InputError(path, "an outline that encloses an area", "none", place="verts")
+    note = "the outline crosses or touches itself; the room house is its largest part"
+    return (Room(name="house", boundary=np.array(part.exterior.coords[:-1])),), (note,)
 
 
 def _largest(shape: shapely.Geometry) -> shapely.Polygon | None:

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import shapely
 
 from albot_core.errors import InputError
 from albot_maps import load_world
@@ -88,3 +89,20 @@ def test_what_is_wrong_is_named(read, house, words):
     assert words in str(caught.value)
     assert "house.json" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_house_without_labels_whose_outline_crosses_itself(read):
+    """A bow tie of 6 m by 4 m and its knot at (4.8, 3.2): its larger wing is the room."""
+    world = read({"verts": [[0, 0], [8, 0], [4, 4], [6, 4]]})
+    (room,) = world.rooms
+    assert shapely.Polygon(room.boundary).is_valid
+    assert world.reaches(world.starts[0, :2])
+    assert len(world.walls) == 4
+    assert world.notes == (
+        "the outline crosses or touches itself; the room house is its largest part",
+    )
+
+
+def test_an_outline_that_encloses_nothing_is_an_error(read):
+    with pytest.raises(InputError, match="verts: expected an outline that encloses an area"):
+        read({"verts": [[0, 0], [8, 0], [4, 0]]})
