@@ -79,6 +79,7 @@ class FreeSpace:
         x_min, y_min, x_max, y_max = lines.bounds
         margin = MARGIN * radius
         self._frame = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)
+        self._lines = lines
         self.hull: shapely.Geometry = lines.convex_hull
         """The convex hull of the walls."""
 
@@ -93,6 +94,10 @@ class FreeSpace:
         free = shapely.get_parts(shapely.difference(self._frame, self._widened))
         shapely.prepare(free)
         return tuple(free)
+
+    def is_clear(self, point: Float64[np.ndarray, "2"]) -> bool:
+        """Return whether the disc touches no wall at a point (m): exactly, unlike the regions."""
+        return bool(self._lines.distance(shapely.Point(point)) >= self.radius)
 
     def region_at(self, point: Float64[np.ndarray, "2"]) -> shapely.Polygon:
         """Return the region that contains a free point (m)."""

@@ -84,9 +84,10 @@ def start_within(
         if within and largest.area >= LEAST_SHARE * outside.area:
             places = [shapely.Point(home) for home in homes]
             at_home = (region for place in places for region in within if region.covers(place))
-            return widest_place(next(at_home, largest)), ()
-        if outside.area:
-            return widest_place(outside), (OPEN,)
+            if space.is_clear(centre := widest_place(next(at_home, largest))):
+                return centre, ()
+        if outside.area and space.is_clear(centre := widest_place(outside)):
+            return centre, (OPEN,)
     return None
 
 
@@ -109,9 +110,10 @@ def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose
     """Return the start, and the region of free space that contains it."""
     region = max(space.regions, key=lambda region: float(region.intersection(floor).area))
     parts = shapely.get_parts(region.intersection(floor))
-    part = max(parts, key=lambda part: float(part.area), default=None)
-    if part is None or not part.area:
+    part = max(parts, key=lambda part: float(part.area), default=shapely.Polygon())
+    centre = widest_place(part) if part.area else None
+    if centre is None or not space.is_clear(centre):
         raise InputError(
             source, f"a room with space for a robot of radius {ROBOT_RADIUS} m", "none"
         )
-    return np.array([*widest_place(part), 0.0]), region
+    return np.array([*centre, 0.0]), region

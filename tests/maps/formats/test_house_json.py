@@ -106,3 +106,15 @@ def test_a_house_without_labels_whose_outline_crosses_itself(read):
 def test_an_outline_that_encloses_nothing_is_an_error(read):
     with pytest.raises(InputError, match="verts: expected an outline that encloses an area"):
         read({"verts": [[0, 0], [8, 0], [4, 0]]})
+
+
+@pytest.mark.parametrize("width", [0.501, 0.4995])
+def test_a_house_is_as_wide_as_a_robot_or_too_narrow(read, width):
+    """Free space is a little too large, so that a robot seems to fit where it just does not."""
+    corners = np.array([[0, 0], [4, 0], [4, width], [0, width]])
+    turned = corners @ [[0.8, 0.6], [-0.6, 0.8]]
+    if width > 0.5:
+        assert read({"verts": turned.tolist()}).closed
+        return
+    with pytest.raises(InputError, match="a room with space for a robot"):
+        read({"verts": turned.tolist()})
