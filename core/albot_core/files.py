@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import lzma
@@ -110,6 +111,53 @@ def _pieces(path: Path, largest: int) -> Iterator[bytes]:
             if size > largest:
                 raise InputError(path, expected, "more, decompressed")
             yield piece
+
+
+_WIDE = {
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
+"""First bytes of text in other encodings; UTF-32's begin as UTF-16's do."""
+_MARK = "\ufeff"
+
+
+def read_text(path: Path, largest: int = LARGEST, errors: str = "strict") -> str:
+    """Read a text file, as `read_bytes` and `decode_text`. All readers of text use it.
+
+    Raises:
+        InputError: As `read_bytes` and `decode_text`.
+    """
+    return decode_text(read_bytes(path, largest), path, errors)
+
+
+def decode_text(content: bytes, source: object, errors: str = "strict") -> str:
+    """Return UTF-8 text without byte order marks, each line ended by a line feed alone.
+
+    Editors on Windows put a byte order mark at the beginning; where files were joined, at the
+    beginning of other lines, too.
+
+    Args:
+        content: The text's bytes.
+        source: Where it is from, for errors.
+        errors: "strict", or "replace" to read bytes that are not UTF-8 as U+FFFD.
+
+    Raises:
+        InputError: The text is marked as UTF-16 or UTF-32, or (strict) is not UTF-8.
+    """
+    expected = "UTF-8 text"
+    for mark, encoding in _WIDE.items():
+        if content.startswith(mark):
+            raise InputError(source, expected, f"{encoding} text; convert it to UTF-8")
+    try:
+        text = content.decode("utf-8", errors)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"the byte {content[error.start]:#04x}"
+        raise InputError(source, expected, found, place=f"line {line}") from None
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.removeprefix(_MARK).replace(f"\n{_MARK}", "\n")
 
 
 def is_stream(path: Path) -> bool:

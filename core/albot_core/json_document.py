@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
+from albot_core.files import read_text
 
 LARGEST = 16 << 20
 """Largest size of a JSON file (bytes); a house or a page of results has a few thousand."""
@@ -22,9 +22,10 @@ def read_json(path: Path) -> Any:
     """Read the value in a file.
 
     Raises:
-        InputError: The file cannot be read, is larger than `LARGEST`, or as for `parse_json`.
+        InputError: The file cannot be read, is larger than `LARGEST`, is not UTF-8, or as for
+            `parse_json`.
     """
-    return parse_json(read_bytes(path, LARGEST), path)
+    return parse_json(read_text(path, LARGEST), path)
 
 
 def parse_json(content: bytes | str, source: object, place: str = "") -> Any:

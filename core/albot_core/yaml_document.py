@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
+from albot_core.files import read_text
 
 LARGEST = 4 << 20
 """Largest size of a YAML file (bytes); a large building traced from a grid has two million."""
@@ -153,13 +153,7 @@ def read_yaml(path: Path) -> YamlDocument:
     Raises:
         InputError: The file cannot be read, is larger than `LARGEST`, or is not UTF-8 or YAML.
     """
-    content = read_bytes(path, LARGEST)
-    try:
-        return YamlDocument(content.decode(), path)
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        found = f"the byte {content[error.start]:#04x}"
-        raise InputError(path, "UTF-8 text", found, place=f"line {line}") from None
+    return YamlDocument(read_text(path, LARGEST), path)
 
 
 def dotted(path: Sequence[str | int]) -> str:

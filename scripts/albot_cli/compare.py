@@ -99,7 +99,7 @@ def command(
     """
     from albot_agents.evaluation.plan import parse_seeds
     from albot_cli.comparison_report import FILES, as_text, rows_of, write_files
-    from albot_cli.map_report import left_out
+    from albot_cli.map_report import left_out, notes_of
 
     if out is not None:
         check_folder(out, FILES, force=force)
@@ -114,12 +114,16 @@ def command(
         sources = explored_sources(source, numbers, agent, steps, sensors, jobs)
     else:
         sources = recorded_sources(source, numbers, reference, relations, keep_going)
+    notes = notes_of(sources[0].log, sources[0].reference, reference, sources[0].relations)
+    for note in notes:
+        click.echo(f"albot: {sources[0].log.name}: {note}", err=True)
     choices = _fitting(asked, sources)
     results, stopped = _run(choices, sources, jobs)
     rows = rows_of(choices, results)
     facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": jobs}
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
-    facts |= {"left_out": left_out(sources[0].log), "rows": rows, "stopped": stopped, "files": {}}
+    facts |= {"left_out": left_out(sources[0].log), "note": "; ".join(notes) or None}
+    facts |= {"rows": rows, "stopped": stopped, "files": {}}
     if out is not None:
         write_files(out, facts, results, sources)
     click.echo(json.dumps(facts) if as_json else as_text(facts))
@@ -270,5 +274,6 @@ def recorded_sources(
     log = read_log_or_episode(Path(source), keep_going)
     truth = log.reference_trajectory if reference is None else read_reference(reference)
     known = None if relations is None else read_relations(relations)
-    check_moments(log, score(log.odometry_trajectory, truth, known), reference, relations)
+    odometry = score(log.odometry_trajectory, truth, known)
+    check_moments(log, truth, odometry, reference, relations)
     return [Source(log=log, seed=seed, reference=truth, relations=known) for seed in seeds]

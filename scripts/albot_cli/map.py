@@ -8,13 +8,13 @@ from pathlib import Path
 import click
 
 from albot_cli.map_report import (
-    NO_ODOMETRY,
     RECOGNITION,
     MappingRun,
     as_table,
     check_moments,
     draw_recognition,
     is_stamped,
+    notes_of,
     recognition_figures,
     report,
     run_mapper,
@@ -113,20 +113,21 @@ def command(
     truth = read_reference(reference) if reference else recorded.reference_trajectory
     true_relations = read_relations(relations) if relations else None
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
-    check_moments(recorded, odometry, reference, relations)
+    check_moments(recorded, truth, odometry, reference, relations)
     known = truth if truth is not None and is_stamped(recorded, truth) else None
     if recognition and known is None:
         expected = "a reference of where the robot was at every scan"
         raise InputError("--recognition", expected, "none" if truth is None else "one with fewer")
     check_sensors(spec, recorded.sensors, recorded.name)
-    if recorded.is_odometry_constant:
-        click.echo(f"albot: {recorded.name}: {NO_ODOMETRY}", err=True)
+    notes = notes_of(recorded, truth, reference, true_relations)
+    for note in notes:
+        click.echo(f"albot: {recorded.name}: {note}", err=True)
     warm_up(mapper, mapper_parameters, recorded)
     with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as update:
         run = run_mapper(mapper, mapper_parameters, recorded, update)
     mapped = score(run.believed, truth, true_relations)
     corrected = None if run.corrected is None else score(run.corrected, truth, true_relations)
-    figures = report(recorded, run, mapped, corrected, odometry)
+    figures = report(recorded, run, mapped, corrected, odometry, notes)
     if recognition and known is not None:
         figures["recognition"] = recognition_figures(recorded, known, run.believed)
     title = f"{mapper} on {recorded.name}"

@@ -5,20 +5,24 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int64
 
 from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
+from albot_core.evaluation.moments import (
+    NOT_PAIRED,
+    clock_fault,
+    pair_moments,
+    read_clock,
+)
 from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
 from albot_core.evaluation.trajectory import (
-    STAMP_TOLERANCE,
     RelationError,
     Relations,
     Trajectory,
@@ -48,6 +52,7 @@ _WARM_UP = 2500
 """Scans given to a first mapper so that the timed one finds its code compiled. They are enough for
 the robot to pass some exits and return to a place."""
 
+_UNKNOWN = "–"
 _TELL_EVERY = 50
 """Scans between two progress updates."""
 
@@ -169,33 +174,82 @@ def score(
 
 
 def check_moments(
-    log: Log, odometry: Score, reference: Path | None, relations: Path | None
+    log: Log,
+    truth: Trajectory | None,
+    odometry: Score,
+    reference: Path | None,
+    relations: Path | None,
 ) -> None:
     """Raise InputError if the reference or the relations belong to another log.
 
-    If part of the log was left out, all relations may concern that part; this is not an error.
+    If part of the log was left out, all relations may concern that part; this is not an error, and
+    neither are stamps that do not tell the time (see `notes_of`).
 
     Args:
         log: The log.
+        truth: Its reference, if known.
         odometry: The score of its odometry.
         reference: File of the reference, if one was given.
         relations: File of the relations, if one was given.
     """
-    if reference and odometry.trajectory is None:
+    has_moments = odometry.trajectory is not None or truth is None
+    if reference and not has_moments and pair_moments(log.stamps, truth.stamps).how != NOT_PAIRED:
         raise InputError(reference, f"moments of {log.name}", "stamps of another log")
-    if relations and odometry.relations is None and log.unread is None:
+    is_whole = log.unread is None and read_clock(log.stamps).is_good
+    if relations and odometry.relations is None and is_whole:
         raise InputError(relations, f"moments of {log.name}", "stamps of another log")
 
 
+def notes_of(
+    log: Log,
+    truth: Trajectory | None = None,
+    reference: Path | None = None,
+    relations: Relations | None = None,
+) -> list[str]:
+    """Return what is to be known about a log's figures, a line each.
+
+    Args:
+        log: The log.
+        truth: Its reference, if known.
+        reference: The reference's file, if it is not the log's own.
+        relations: True relations, if known.
+    """
+    notes = [NO_ODOMETRY] if log.is_odometry_constant else []
+    notes += log.notes
+    has_clock = read_clock(log.stamps).is_good
+    if truth is not None:
+        fault = clock_fault(truth.stamps, "pose")
+        what = "the reference's poses" if reference is None else f"the poses of {reference.name}"
+        if fault is not None or not has_clock:
+            told = f" ({fault})" if fault is not None and has_clock else ""
+            notes.append(f"{what} are {pair_moments(log.stamps, truth.stamps).how}{told}")
+    if relations is not None and not has_clock:
+        error = relation_error(log.odometry_trajectory, relations)
+        lost = len(relations.stamps) - (error.count if error else 0)
+        notes.append(
+            f"{many(lost, 'relation')} of {len(relations.stamps):,} are left out: their "
+            "stamps are not those of one scan"
+        )
+    return notes
+
+
 def report(
-    log: Log, run: MappingRun, mapped: Score, corrected: Score | None, odometry: Score
+    log: Log,
+    run: MappingRun,
+    mapped: Score,
+    corrected: Score | None,
+    odometry: Score,
+    notes: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the figures of the run; None for unknown ones.
 
     `ate_rmse_m` and `relations` are the errors of the poses estimated online at each scan. Those
     with `corrected_…` are the errors of the poses as estimated at the end, if the mapper corrects
     earlier poses. `ate_moments` is the number of moments that log and reference have in common.
+    A constant odometer has no figures.
     """
+    if log.is_odometry_constant:
+        odometry = Score(trajectory=None, relations=None)
     scans, snapshot = len(log.readings), run.mapper.snapshot()
     return {
         "log": log.name,
@@ -217,9 +271,9 @@ def report(
         "corrected_relations": _relations(corrected.relations) if corrected else None,
         "odometry_relations": _relations(odometry.relations),
         "map_entropy": _entropy(log, run.believed.poses),
-        "odometry_map_entropy": _entropy(log, log.odometry),
+        "odometry_map_entropy": (None if log.is_odometry_constant else _entropy(log, log.odometry)),
         "left_out": left_out(log),
-        "note": NO_ODOMETRY if log.is_odometry_constant else None,
+        "note": "; ".join(notes) or None,
     }
 
 
@@ -288,7 +342,8 @@ def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
         # Over a few moments alone it is no error of the log.
         is_sparse = figures["ate_moments"] < figures["scans"] / 2
         over = f" over {many(figures['ate_moments'], 'moment')}" if is_sparse else ""
-        rows.append((f"trajectory error, ATE rmse{over}", f"{mine:.2f} m", f"{its:.2f} m"))
+        odometer = _UNKNOWN if its is None else f"{its:.2f} m"
+        rows.append((f"trajectory error, ATE rmse{over}", f"{mine:.2f} m", odometer))
     if (corrected := figures["corrected_ate_rmse_m"]) is not None:
         rows.append(("… of the corrected poses", f"{corrected:.2f} m", ""))
     mine, its = figures["relations"], figures["odometry_relations"]
@@ -297,29 +352,27 @@ def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
         rows.append((f"translation error {over}", _metres(mine), _metres(its)))
         rows.append((f"rotation error {over}", _degrees(mine), _degrees(its)))
     mine, its = figures["map_entropy"], figures["odometry_map_entropy"]
-    if mine is not None and its is not None:
-        rows.append(("map entropy, lower is sharper", f"{mine:.2f}", f"{its:.2f}"))
+    if mine is not None:
+        odometer = _UNKNOWN if its is None else f"{its:.2f}"
+        rows.append(("map entropy, lower is sharper", f"{mine:.2f}", odometer))
     return rows
 
 
-def _metres(error: dict[str, int | float]) -> str:
+def _metres(error: dict[str, int | float] | None) -> str:
+    if error is None:
+        return _UNKNOWN
     return f"{error['translation_mean_m']:.3f} ± {error['translation_std_m']:.3f} m"
 
 
-def _degrees(error: dict[str, int | float]) -> str:
+def _degrees(error: dict[str, int | float] | None) -> str:
+    if error is None:
+        return _UNKNOWN
     return f"{error['rotation_mean_deg']:.2f} ± {error['rotation_std_deg']:.2f}°"
 
 
 def is_stamped(log: Log, truth: Trajectory) -> bool:
     """Return whether a trajectory holds the moments of all scans of a log."""
-    at = _first_moments(log, truth)
-    return bool((np.abs(truth.stamps[at] - log.stamps) <= STAMP_TOLERANCE).all())
-
-
-def _first_moments(log: Log, truth: Trajectory) -> Int64[np.ndarray, "scans"]:
-    """Return the index of the first moment of a trajectory that is not before each scan."""
-    after = np.searchsorted(truth.stamps, log.stamps - STAMP_TOLERANCE)
-    return np.clip(after, 0, len(truth.stamps) - 1)
+    return len(pair_moments(truth.stamps, log.stamps).second) == len(log.stamps)
 
 
 def recognition_figures(log: Log, truth: Trajectory, believed: Trajectory) -> dict[str, Any]:
@@ -329,7 +382,7 @@ def recognition_figures(log: Log, truth: Trajectory, believed: Trajectory) -> di
     precision. `detection` is the detection rate of near pairs at false-alarm rates 0.00 and 0.01
     over all other pairs.
     """
-    at = _first_moments(log, truth)
+    at = pair_moments(truth.stamps, log.stamps).first
     found = measure_recognition(log.readings, truth.poses[at], believed.poses)
     return {
         "queries": found.queries,

@@ -8,11 +8,11 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import register, sample_segments, scan_cloud
+from albot_core.evaluation.moments import pair_moments
 from albot_core.evaluation.trajectory import (
     Relations,
     Trajectory,
     alignment,
-    associate,
     read_relations,
 )
 from albot_core.geometry.types import Points, Pose, Segments
@@ -92,6 +92,6 @@ def _laid(log: Log, truth: Trajectory | None) -> Points:
     """The points of the scans, laid where the robot truly was."""
     if truth is None:
         raise InputError(log.name, "corrected poses, or a map of the building", "neither")
-    at, scans = associate(truth.stamps, log.stamps)
-    lasers = [log.readings[scan].required_laser("map entropy") for scan in scans]
-    return np.asarray(scan_cloud(lasers, truth.poses[at], _MOST))
+    pairs = pair_moments(truth.stamps, log.stamps)
+    lasers = [log.readings[scan].required_laser("map entropy") for scan in pairs.second]
+    return np.asarray(scan_cloud(lasers, truth.poses[pairs.first], _MOST))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, new_folder, read_bytes, write_text
+from albot_core.files import atomic_write, new_folder, read_text, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
 
@@ -221,7 +221,7 @@ def read_report(folder: Path) -> Report:
     result, report = (folder / name for name in REPORT_FILES)
     if not (result.is_file() and report.is_file()):
         raise InputError(str(folder), "a report: " + ", ".join(REPORT_FILES), "none")
-    lines = read_bytes(report).decode(errors="replace").splitlines()
+    lines = read_text(report, errors="replace").splitlines()
     title = lines[0].partition(": ")[2] if lines else ""
     if not title:
         expected = f"a heading `# {folder.name}: TITLE` in its first line"

@@ -25,7 +25,7 @@ def test_values_are_read_as_they_stand() -> None:
         (b"", "a.json, line 1: expected valid JSON"),
         (b'{"a": 1,\n"b"', "a.json, line 2: expected valid JSON"),
         (b"{}{}", "a.json, line 1: expected valid JSON, found Extra data"),
-        (b'"\xff"', "expected JSON text, found bytes that are not text"),
+        (b'"\xff"', "a.json, line 1: expected UTF-8 text, found the byte 0xff"),
         (b"NaN", "expected finite numbers of 40 digits at most, found NaN"),
         (b"[-Infinity]", "finite numbers of 40 digits at most, found -Infinity"),
         (b"1e400", "finite numbers of 40 digits at most, found 1e400"),

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
+from albot_core.evaluation.moments import STAMP_TOLERANCE, look_up, pair_moments
+from albot_core.files import read_text
 from albot_core.geometry.poses import compose, inverse, relative, transform_points
 from albot_core.geometry.types import Pose, Poses
-
-STAMP_TOLERANCE = 0.01
-"""Largest difference of stamps of the same moment (s)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,17 +26,13 @@ class Trajectory:
     """The poses of a robot over time."""
 
     stamps: Float64[np.ndarray, "moments"]
-    """Time (s), not decreasing."""
+    """Time (s), as written: it may stand still or step back (see `pair_moments`)."""
     poses: Float64[np.ndarray, "moments 3"]
     """The robot's pose at each stamp (m, rad), all in one frame."""
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.stamps).all() and np.isfinite(self.poses).all()):
             raise InputError("Trajectory", "finite numbers", "NaN or infinity")
-        if (np.diff(self.stamps) < 0).any():
-            raise InputError(
-                "Trajectory.stamps", "stamps that do not decrease", "one that decreases"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,26 +55,6 @@ def path_length(poses: Poses) -> float:
     """Return the summed straight distances between consecutive poses (m)."""
     steps = np.diff(poses[..., :2], axis=0)
     return float(np.hypot(steps[..., 0], steps[..., 1]).sum())
-
-
-def associate(
-    stamps: Float64[np.ndarray, "moments"],
-    wanted: Float64[np.ndarray, "others"],
-    tolerance: float = STAMP_TOLERANCE,
-) -> tuple[Int64[np.ndarray, "pairs"], Int64[np.ndarray, "pairs"]]:
-    """Pair each stamp in `wanted` with the nearest one in `stamps`, if within `tolerance` (s).
-
-    `stamps` must not decrease. Returns the indices of the pairs in `stamps` and in `wanted`. Of
-    equally near stamps the earlier one is taken; a stamp may be taken more than once.
-    """
-    if not len(stamps):
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    after = np.searchsorted(stamps, wanted).clip(0, len(stamps) - 1)
-    before = (after - 1).clip(0)
-    nearer = np.abs(wanted - stamps[before]) <= np.abs(stamps[after] - wanted)
-    nearest = np.where(nearer, before, after)
-    close = np.abs(stamps[nearest] - wanted) <= tolerance
-    return nearest[close].astype(np.int64), np.flatnonzero(close).astype(np.int64)
 
 
 Align = Callable[["Trajectory", "Trajectory", float], Pose | None]
@@ -110,10 +84,10 @@ def alignment(
 
     None if fewer than two moments are common to both.
     """
-    mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
-    if len(mine) < 2:
+    pairs = pair_moments(estimate.stamps, reference.stamps, tolerance)
+    if len(pairs.first) < 2:
         return None
-    return align(estimate.poses[mine, :2], reference.poses[theirs, :2])
+    return align(estimate.poses[pairs.first, :2], reference.poses[pairs.second, :2])
 
 
 def alignment_at_start(
@@ -123,10 +97,12 @@ def alignment_at_start(
 
     This is the alignment of a robot that knows its start. None if no moment is common to both.
     """
-    mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
-    if not len(mine):
+    pairs = pair_moments(estimate.stamps, reference.stamps, tolerance)
+    if not len(pairs.first):
         return None
-    return compose(reference.poses[theirs[0]], inverse(estimate.poses[mine[0]]))
+    first = pairs.first.argmin()
+    here, there = pairs.first[first], pairs.second[first]
+    return compose(reference.poses[there], inverse(estimate.poses[here]))
 
 
 def trajectory_error(
@@ -147,7 +123,8 @@ def trajectory_error(
         tolerance: Largest difference of stamps of the same moment (s).
         align: The alignment: `alignment` (least squares) or `alignment_at_start`.
     """
-    mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
+    pairs = pair_moments(estimate.stamps, reference.stamps, tolerance)
+    mine, theirs = pairs.first, pairs.second
     frame = align(estimate, reference, tolerance)
     if frame is None or len(mine) < 2:
         return None
@@ -209,7 +186,7 @@ def read_relations(path: Path) -> Relations:
             moment to itself.
     """
     rows = []
-    text = read_bytes(path).decode("utf-8", "replace")
+    text = read_text(path, errors="replace")
     for number, line in enumerate(text.split("\n"), start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -244,14 +221,14 @@ def relation_error(
     """Return the error of `trajectory` against the true relations.
 
     Both moments of a relation are looked up by stamp, to within `tolerance` (s). Relations whose
-    moments are not in the trajectory do not count. None if none counts.
+    moments are not in the trajectory, or are several in it, do not count. None if none counts.
 
     Source: Kümmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss & Kleiner, *On measuring the
     accuracy of SLAM algorithms*, Autonomous Robots 2009, Eq. (4), with separate translational and
     rotational parts, as means of the magnitudes.
     """
-    first = _lookup(trajectory, relations.stamps[:, 0], tolerance)
-    second = _lookup(trajectory, relations.stamps[:, 1], tolerance)
+    first = look_up(trajectory.stamps, relations.stamps[:, 0], tolerance)
+    second = look_up(trajectory.stamps, relations.stamps[:, 1], tolerance)
     known = (first >= 0) & (second >= 0)
     if not known.any():
         return None
@@ -266,13 +243,3 @@ def relation_error(
         rotation_mean=float(rotations.mean()),
         rotation_std=float(rotations.std()),
     )
-
-
-def _lookup(
-    trajectory: Trajectory, wanted: Float64[np.ndarray, "relations"], tolerance: float
-) -> np.ndarray:
-    """Return the trajectory's index of each wanted stamp; -1 if there is none within tolerance."""
-    indices = np.full(len(wanted), -1)
-    mine, theirs = associate(trajectory.stamps, wanted, tolerance)
-    indices[theirs] = mine
-    return indices

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from albot_core.errors import InputError
+from albot_core.evaluation.moments import time_order
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import write_text
 from albot_core.logs.text import LogText
@@ -34,7 +35,9 @@ def write_tum(trajectory: Trajectory, path: Path) -> None:
 
 
 def read_tum(text: LogText) -> Trajectory:
-    """Read a trajectory; only the rotation about z is used. Lines may be in any order.
+    """Read a trajectory; only the rotation about z is used.
+
+    Lines may be in any order; they are sorted by stamp, unless the way denies it (`time_order`).
 
     Raises:
         InputError: A line is not eight finite numbers, its quaternion does not have length 1,
@@ -55,7 +58,8 @@ def read_tum(text: LogText) -> Trajectory:
         rows.append((stamp, x, y, turn))
     if not rows:
         raise InputError(text.source, f"at least one line, {FIELDS}", "none")
-    table = np.array(sorted(rows, key=lambda row: row[0]))
+    table = np.array(rows)
+    table = table[time_order(table[:, 0], table[:, 1:], lines_have_order=False)]
     return Trajectory(stamps=table[:, 0], poses=table[:, 1:])
 
 

@@ -17,24 +17,21 @@ http://carmen.sourceforge.net/logger_playback.html
 A scan's first pose is that of the laser, its second that of the robot by its odometer. If the first
 drifts relative to the second, a program has corrected it, and it becomes the reference.
 
-In other logs both poses of every scan are the corrected one; GMapping's `gfs2log` writes such logs
-(the `*-corrected.log` of Radish). There, the `ODOM` line before a scan has the scan's stamp and the
-odometer's pose, integrated from the previous corrected pose. The `ODOM` line after the scan repeats
-the corrected pose, from which the odometer continues. So the odometer's raw motion leads from each
-corrected pose to the `ODOM` line before the next (`_raw_odometry`).
+In other logs both poses of every scan are the corrected one, and the odometer is in the `ODOM`
+lines around them (`corrected.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, relative
-from albot_core.geometry.types import Pose, Poses, Ranges
+from albot_core.geometry.types import Poses
+from albot_core.logs.corrected import OdometerLine, Sweep, recover_odometry
 from albot_core.logs.log import (
     NO_RETURN,
     SICK_BEAM_WIDTH,
@@ -62,24 +59,6 @@ _TAIL = 3
 """Number of fields at the end of a message: a stamp, a host, a stamp."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Odometer:
-    """An `ODOM` line."""
-
-    stamp: float
-    pose: Pose
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Sweep:
-    """A `FLASER` or `ROBOTLASER1` line."""
-
-    stamp: float
-    ranges: Ranges
-    laser: Pose
-    robot: Pose
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Header:
     """A scan's description of its laser; the same in all scans of a log."""
@@ -97,101 +76,41 @@ def read(text: LogText, keep_going: bool) -> Recording:
     """
     messages = _Messages(text)
     records, error = read_until_damage(iter(messages), keep_going)
-    sweeps = [record for record in records if isinstance(record, _Sweep)]
+    sweeps = [record for record in records if isinstance(record, Sweep)]
     if not sweeps:
         raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
-    odometry, reference, mount = _poses(records, sweeps, text.source)
+    poses = _poses(records, sweeps)
     return Recording(
-        geometry=messages.geometry(mount),
+        geometry=messages.geometry(poses.mount),
         scans=[
             Scan(stamp=sweep.stamp, ranges=sweep.ranges, odometry=pose)
-            for sweep, pose in zip(sweeps, odometry, strict=True)
+            for sweep, pose in zip(sweeps, poses.odometry, strict=True)
         ],
-        reference=None if reference is None else list(reference),
+        reference=None if poses.reference is None else list(poses.reference),
         unread=text.unread(_SCANS, error) if error else None,
+        notes=poses.notes,
     )
 
 
-def _poses(
-    records: Sequence[_Odometer | _Sweep], sweeps: Sequence[_Sweep], source: Path
-) -> tuple[Poses, Poses | None, tuple[float, float, float]]:
-    """Return the odometer's poses, the reference (None without one), and the laser's mount."""
+class _LogPoses(NamedTuple):
+    odometry: Poses
+    reference: Poses | None
+    """The corrected poses; None without."""
+    mount: tuple[float, float, float]
+    notes: tuple[str, ...] = ()
+
+
+def _poses(records: Sequence[OdometerLine | Sweep], sweeps: Sequence[Sweep]) -> _LogPoses:
+    """Return what the poses in a log are."""
     robot = np.stack([sweep.robot for sweep in sweeps])
     laser = np.stack([sweep.laser for sweep in sweeps])
-    raw = _raw_odometry(records, source)
-    if raw is not None:
-        return raw, robot, _AT_CENTRE
+    recovered = recover_odometry(records)
+    if recovered is not None:
+        return _LogPoses(recovered.poses, robot, _AT_CENTRE, recovered.notes)
     mount = constant_mount(robot, laser)
     if mount is None:
-        return robot, laser, _AT_CENTRE
-    return robot, None, mount
-
-
-def _raw_odometry(records: Sequence[_Odometer | _Sweep], source: Path) -> Poses | None:
-    """Return the odometer's pose at every scan of a corrected log, from the first scan's pose on.
-
-    None if the log is not corrected: most scans lack the neighbouring `ODOM` lines of a corrected
-    log, or the odometer never differs from the scans' poses.
-
-    Raises:
-        InputError: Most scans are corrected but some lack their `ODOM` lines, so that their raw
-            motion is lost. The pose in such a scan is the reference, not odometry.
-    """
-    scans = list(_with_neighbours(records))
-    arrivals = [_arrival(scan, first=k == 0) for k, scan in enumerate(scans)]
-    fitting = [
-        (arrival, scan.sweep.robot)
-        for arrival, scan in zip(arrivals, scans, strict=True)
-        if arrival is not None
-    ]
-    apart = sum(not np.array_equal(arrival, robot) for arrival, robot in fitting)
-    if not apart or 2 * len(fitting) <= len(scans):
-        return None
-    poses = [scans[0].sweep.robot]
-    for number, arrival in enumerate(arrivals):
-        if arrival is None:
-            raise InputError(
-                source,
-                "the ODOM lines of a corrected log before and after the scan",
-                "other lines",
-                place=f"scan {number + 1}, stamp {scans[number].sweep.stamp:.6f}",
-            )
-        if number:
-            before = scans[number - 1].sweep.robot
-            poses.append(compose(poses[-1], relative(before, arrival)))
-    return np.stack(poses)
-
-
-def _arrival(scan: _Neighbours, *, first: bool) -> Pose | None:
-    """Return the odometer's pose at a corrected scan; None if it is not a corrected scan."""
-    sweep, before, after = scan.sweep, scan.before, scan.after
-    if not np.array_equal(sweep.laser, sweep.robot):
-        return None
-    if after is not None and not (
-        isinstance(after, _Odometer) and np.array_equal(after.pose, sweep.robot)
-    ):
-        return None
-    if before is None and first:
-        return sweep.robot
-    if isinstance(before, _Odometer) and before.stamp == sweep.stamp:
-        return before.pose
-    return None
-
-
-def _with_neighbours(records: Sequence[_Odometer | _Sweep]) -> Iterator[_Neighbours]:
-    padded = [None, *records, None]
-    for before, record, after in zip(padded[:-2], records, padded[2:], strict=True):
-        if isinstance(record, _Sweep):
-            yield _Neighbours(before=before, sweep=record, after=after)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Neighbours:
-    """A scan and the messages before and after it."""
-
-    before: _Odometer | _Sweep | None
-    sweep: _Sweep
-    after: _Odometer | _Sweep | None
+        return _LogPoses(robot, laser, _AT_CENTRE)
+    return _LogPoses(robot, None, mount)
 
 
 def _largest_spacing(beams: int) -> float:
@@ -207,7 +126,7 @@ class _Messages:
         self._kind = ""
         self._header: _Header | None = None
 
-    def __iter__(self) -> Iterator[_Odometer | _Sweep]:
+    def __iter__(self) -> Iterator[OdometerLine | Sweep]:
         for words in self._text.records(_READ):
             if words[0] == "ODOM":
                 yield self._odometer(words)
@@ -231,14 +150,14 @@ class _Messages:
             mount=mount,
         )
 
-    def _odometer(self, words: list[str]) -> _Odometer:
+    def _odometer(self, words: list[str]) -> OdometerLine:
         text = self._text
         if len(words) != 7 + _TAIL:
             raise text.error("9 fields in ODOM", str(len(words) - 1))
         pose = text.numbers(words[1:4], "a pose")
-        return _Odometer(stamp=self._stamp(words), pose=pose)
+        return OdometerLine(stamp=self._stamp(words), pose=pose)
 
-    def _flaser(self, words: list[str]) -> _Sweep:
+    def _flaser(self, words: list[str]) -> Sweep:
         text = self._text
         beams = text.beams(words[1:2], self._header.beams if self._header else None)
         if len(words) != 2 + beams + 6 + _TAIL:
@@ -247,7 +166,7 @@ class _Messages:
         self._header = _Header(beams=beams)
         return self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
 
-    def _robotlaser(self, words: list[str]) -> _Sweep:
+    def _robotlaser(self, words: list[str]) -> Sweep:
         text = self._text
         if len(words) < 9:
             raise text.error("the laser's 7 fields and a count in ROBOTLASER1", str(len(words) - 1))
@@ -287,9 +206,9 @@ class _Messages:
             raise text.error(expected, f"{spacing:.6g} rad")
         self._header = header
 
-    def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> _Sweep:
+    def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> Sweep:
         text = self._text
-        return _Sweep(
+        return Sweep(
             stamp=self._stamp(words),
             ranges=text.ranges(ranges),
             laser=text.numbers(rest[:3], "a pose"),

@@ -1,4 +1,4 @@
-"""The log of a robot's run: as in its file (`Recording`), and sorted by time (`Log`).
+"""The log of a robot's run: as in its file (`Recording`), and in the order of time (`Log`).
 
 The readers of all formats return a recording. This module also holds what they share about lasers.
 """
@@ -13,7 +13,9 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from albot_core.counts import many
 from albot_core.errors import InputError
+from albot_core.evaluation.moments import clock_fault, rising_times, time_order
 from albot_core.evaluation.trajectory import Trajectory, path_length
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
@@ -64,14 +66,15 @@ class Unread:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
-    """A robot's run: its sensor data at every scan, ordered by time."""
+    """A robot's run: its sensor data at every scan, in the order of time."""
 
     name: str
     """The file's name."""
     geometry: LaserGeometry | None
     """Beam geometry of the laser; None in a log without a laser."""
     stamps: Float64[np.ndarray, "scans"]
-    """Time of every scan (s), not decreasing; the scan's number if the log has no clock."""
+    """Time of every scan (s) as recorded; the scan's number if the log has no clock. A bad clock
+    may stand still or step back: see `times`."""
     ranges: Float64[np.ndarray, "scans beams"] | None
     """Distance along every beam (m), infinity where there was no return; None without a laser."""
     odometry: Poses
@@ -86,6 +89,13 @@ class Log:
     """The robot's corrected pose at every scan, where the log holds one."""
     unread: Unread | None = None
     """What was not read; None where the log is whole."""
+    notes: tuple[str, ...] = ()
+    """What was taken otherwise than it stands in the file, and why, a line each."""
+
+    @cached_property
+    def times(self) -> Float64[np.ndarray, "scans"]:
+        """Time of every scan (s), not decreasing: the stamps where they are a good clock's."""
+        return rising_times(self.stamps)
 
     @cached_property
     def readings(self) -> list[Reading]:
@@ -102,7 +112,7 @@ class Log:
             sonar = SonarScan(ranges=self.echoes[scan], geometry=self.sonar)
         if self.scenes is not None and self.scenes[scan] >= 0:
             scene = int(self.scenes[scan])
-        stamp = float(self.stamps[scan])
+        stamp = float(self.times[scan])
         return Reading(stamp=stamp, motion=motion, laser=laser, sonar=sonar, scene=scene)
 
     @property
@@ -122,7 +132,9 @@ class Log:
 
     @property
     def path_length(self) -> float:
-        """Length of the path by odometry (m)."""
+        """Length of the path (m): by odometry, or by the reference if the odometer is constant."""
+        if self.is_odometry_constant and self.reference is not None:
+            return path_length(self.reference)
         return path_length(self.odometry)
 
     @property
@@ -162,16 +174,20 @@ class Recording:
     """The robot's corrected pose at every scan, where the log holds one."""
     unread: Unread | None = None
     """What was not read; None where the log is whole."""
+    notes: tuple[str, ...] = ()
+    """What the format's reader has to say of the log; see `Log.notes`."""
 
     def to_log(self, name: str) -> Log:
         """Return the log in the order of time.
 
-        Scans are sorted by stamp; scans with the same stamp keep their order. Robots' logs are
-        merged from several programs, and messages can arrive late. Ranges at or above the
-        laser's maximum become infinite, and so does 0, with which lasers report a fault.
+        That is the file's, but scans whose messages arrived late are put where their stamps say
+        (see `time_order`); a note tells of both, and of stamps that do not tell the time. Ranges
+        at or above the laser's maximum become infinite, and so does 0, with which lasers report a
+        fault.
         """
         stamps = np.array([scan.stamp for scan in self.scans])
-        order = np.argsort(stamps, kind="stable")
+        odometry = np.stack([scan.odometry for scan in self.scans])
+        order = time_order(stamps, odometry)
         ranges = np.stack([scan.ranges for scan in self.scans])[order]
         ranges[(ranges >= self.geometry.max_range) | (ranges == 0)] = np.inf
         return Log(
@@ -179,10 +195,25 @@ class Recording:
             geometry=self.geometry,
             stamps=stamps[order],
             ranges=ranges,
-            odometry=np.stack([scan.odometry for scan in self.scans])[order],
+            odometry=odometry[order],
             reference=None if self.reference is None else np.stack(self.reference)[order],
             unread=self.unread,
+            notes=(*self.notes, *_order_notes(stamps, order)),
         )
+
+
+def _order_notes(
+    stamps: Float64[np.ndarray, "scans"], order: Int64[np.ndarray, "scans"]
+) -> Iterator[str]:
+    moved = np.flatnonzero(order != np.arange(len(order)))
+    if len(moved):
+        yield (
+            f"{many(len(moved), 'scan')} of {len(order):,} stood out of order and were sorted by "
+            f"stamp, the first of them scan {moved[0] + 1}"
+        )
+    fault = clock_fault(stamps[order], "scan")
+    if fault is not None:
+        yield f"the stamps do not tell the time ({fault}); the scans stay in the file's order"
 
 
 def read_until_damage(

@@ -10,7 +10,7 @@ from typing import Protocol
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import FIELDS, read_tum
-from albot_core.files import read_beginning, read_bytes
+from albot_core.files import decode_text, read_beginning, read_text
 from albot_core.logs import carmen, duke, intel_json, wean
 from albot_core.logs.log import Log, Recording, Unread
 from albot_core.logs.text import LogText, is_number
@@ -39,8 +39,8 @@ _BEGINNING = 1000
 def read_log(path: str | Path, keep_going: bool = False) -> Log:
     """Read a robot's log; its content determines the format.
 
-    Files that end in `.gz` or `.xz` are unpacked. Scans are ordered by stamp. Messages of other
-    kinds are skipped.
+    Files that end in `.gz` or `.xz` are unpacked. Scans are in the order of time (see
+    `Recording.to_log`). Messages of other kinds are skipped.
 
     Args:
         path: The file.
@@ -55,7 +55,7 @@ def read_log(path: str | Path, keep_going: bool = False) -> Log:
     content, damage = read_beginning(path)
     if damage is not None and not (keep_going and content):
         raise damage
-    recording = _read(LogText(path, content.decode("utf-8", "replace")), keep_going)
+    recording = _read(LogText(path, decode_text(content, path, "replace")), keep_going)
     if damage is not None:
         recording = _damaged(recording, damage)
     return recording.to_log(path.name)
@@ -105,7 +105,7 @@ def read_reference(path: Path) -> Trajectory:
     Raises:
         InputError: The file cannot be read, or is none of these.
     """
-    text = LogText(path, read_bytes(path).decode("utf-8", "replace"))
+    text = LogText(path, read_text(path, errors="replace"))
     if path.suffix == ".tum" or _is_tum(text):
         return read_tum(text)
     if _reader(text) is None:

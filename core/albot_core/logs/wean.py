@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
+from albot_core.files import read_text
 from albot_core.geometry.types import Points, Pose
 from albot_core.logs.log import (
     NO_RETURN,
@@ -99,7 +99,7 @@ def read_wean_map(path: Path) -> Points:
     Raises:
         InputError: The file cannot be read, or is not such a map.
     """
-    lines = read_bytes(path).decode("utf-8", "replace").splitlines()
+    lines = read_text(path, errors="replace").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines[:20]) if words}
     if _RESOLUTION not in header or _CELLS not in header:
         raise InputError(path, f"lines {_RESOLUTION} and {_CELLS}", "other lines")

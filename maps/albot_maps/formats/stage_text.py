@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from albot_core.errors import InputError
-from albot_core.files import exists, read_bytes
+from albot_core.files import exists, read_text
 
 Value = str | float | list[str | float]
 """Value of a property."""
@@ -97,12 +97,7 @@ class _Parser:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
-            text = read_bytes(path, _LARGEST).decode()
-        except UnicodeDecodeError as error:
-            found = f"the byte 0x{error.object[error.start]:02x}"
-            raise InputError(path, "UTF-8 text", found) from None
-        self._tokens = list(self._split(text))
+        self._tokens = list(self._split(read_text(path, _LARGEST)))
         self._position = 0
 
     def next(self) -> _Token | None:

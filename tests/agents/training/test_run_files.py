@@ -121,7 +121,7 @@ def test_a_damaged_log_of_episodes_is_refused(line: bytes, message: str, tmp_pat
     ("content", "message"),
     [
         (b'{"command": "albot tr', "versions.json, line 1: expected valid JSON"),
-        (b'"\xff"', "versions.json: expected JSON text"),
+        (b'"\xff"', "versions.json, line 1: expected UTF-8 text"),
         (b"[]", "versions.json: expected a mapping with command"),
         (b"{}", "versions.json, command: expected a value, found none"),
         (b'{"command": 3}', "versions.json, command: expected text, found 3"),

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from albot_core.errors import InputError
+from albot_core.evaluation.moments import associate
 from albot_core.evaluation.trajectory import (
     Relations,
     Trajectory,
     align,
     alignment_at_start,
-    associate,
     path_length,
     read_relations,
     relation_error,
@@ -152,7 +152,9 @@ def test_association_is_the_nearest_stamp(stamps, wanted, tolerance):
     found = dict(zip(theirs.tolist(), mine.tolist(), strict=True))
     for k, stamp in enumerate(wanted):
         gaps = np.abs(stamps - stamp)
-        if len(gaps) and gaps.min() <= tolerance:
+        nearest = stamps[gaps == gaps.min()][:1] if len(gaps) else stamps
+        alone = (wanted == stamp).sum() == 1 and (stamps == nearest).sum() == 1
+        if alone and gaps.min() <= tolerance:
             assert gaps[found[k]] == gaps.min()
         else:
             assert k not in found
@@ -167,7 +169,6 @@ def test_path_length():
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [
-        ([0.0, 2.0, 1.0], "that do not decrease"),
         ([0.0, np.nan, 1.0], "finite numbers"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import lzma
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
+from albot_core.geometry.poses import relative
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log
 
@@ -273,7 +275,7 @@ def _assert_sound_or_refused(path: Path, content: bytes, keep_going: bool) -> Lo
     assert np.isfinite(log.odometry).all()
     assert np.isfinite(log.stamps).all()
     assert (log.ranges > 0).all()
-    assert (np.diff(log.stamps) >= 0).all()
+    assert (np.diff(log.times) >= 0).all()
     assert len(log.readings) == len(log.stamps) > 0
     return log
 
@@ -351,10 +353,81 @@ def test_junk_is_refused(content, keep_going, tmp_path):
     assert _assert_sound_or_refused(tmp_path / "junk.log", content, keep_going) is None
 
 
+def _without(text: str, lost: Callable[[int, str], bool]) -> str:
+    """A corrected log without the `ODOM` lines before scans (from 0) for which `lost` is true.
+
+    `lost` takes the scan's number, and whether the line is "before" or "after" it.
+    """
+    lines = []
+    for block in text.split("FLASER"):
+        before, *odometer = block.split("ODOM")
+        lines.append((before, odometer))
+    kept = [lines[0][0] + "".join(f"ODOM{line}" for line in lines[0][1])]
+    for scan, (laser, odometer) in enumerate(lines[1:]):
+        inner = odometer[1:]
+        if lost(scan, "after"):
+            odometer = inner
+        if lost(scan + 1, "before") and inner:
+            odometer = odometer[: len(odometer) - len(inner)]
+        kept.append(laser + "".join(f"ODOM{line}" for line in odometer))
+    return "FLASER".join(kept)
+
+
+def test_one_lost_odom_line_loses_one_step(write, log_text):
+    whole = read_log(write(log_text("corrected", scans=30)))
+    text = _without(log_text("corrected", scans=30), lambda scan, at: (scan, at) == (12, "before"))
+    log = read_log(write(text))
+    assert log.notes == (
+        "1 motion of the odometer is lost with the ODOM lines and taken as the steps beside "
+        f"(first scan 13, stamp {whole.stamps[12]:.6f})",
+    )
+    np.testing.assert_array_equal(log.reference, whole.reference)
+    steps = [np.array([reading.motion for reading in each.readings]) for each in (whole, log)]
+    np.testing.assert_allclose(
+        np.delete(steps[0], 12, axis=0), np.delete(steps[1], 12, axis=0), atol=1e-9
+    )
+    np.testing.assert_allclose(steps[1][12], (steps[0][11] + steps[0][13]) / 2, atol=1e-9)
+
+
 def test_a_scan_torn_from_its_odometer_lines_is_not_taken_for_odometry(write, log_text) -> None:
+    whole = read_log(write(log_text("corrected")))
     lines = log_text("corrected").split("\n")
     scans = [n for n, line in enumerate(lines) if line.startswith("FLASER")]
     torn = scans[len(scans) // 2]
     lines.insert(torn - 4, lines.pop(torn))
-    with pytest.raises(InputError, match=r"scan \d+, stamp .* the ODOM lines of a corrected log"):
-        read_log(write("\n".join(lines)))
+    log = read_log(write("\n".join(lines)))
+    np.testing.assert_array_equal(log.reference, whole.reference)
+    assert "1 motion of the odometer is lost" in log.notes[0]
+
+
+@pytest.mark.parametrize("left", [0, 3])
+def test_where_most_odom_lines_are_lost_nothing_is_known_of_the_odometer(left, write, log_text):
+    whole = read_log(write(log_text("corrected", scans=30)))
+    text = _without(
+        log_text("corrected", scans=30),
+        lambda scan, at: at == "before" and (left == 0 or scan % (30 // left) != 1),
+    )
+    log = read_log(write(text))
+    assert log.is_odometry_constant
+    np.testing.assert_array_equal(log.reference, whole.reference)
+    assert "of 30 lack the ODOM line before them; the scans' poses" in log.notes[0]
+
+
+def test_without_the_lines_after_scans_nothing_is_lost(write, log_text):
+    whole = read_log(write(log_text("corrected", scans=30)))
+    log = read_log(write(_without(log_text("corrected", scans=30), lambda _, at: at == "after")))
+    np.testing.assert_array_equal(log.reference, whole.reference)
+    np.testing.assert_allclose(log.odometry, whole.odometry, atol=1e-9)
+    assert log.notes == ()
+
+
+def test_odom_lines_of_the_odometer_itself_are_read(drive, write):
+    """GMapping's `gfs2log -odom`: corrected scans, and the odometer as it was."""
+    text = drive("corrected", scans=30)
+    lines = []
+    for k, pose in enumerate(text.corrected):
+        lines += [text.odom(text.odometry[k], text.stamps[k]), text.flaser(k, pose, pose)]
+    log = read_log(write("\n".join(lines) + "\n"))
+    np.testing.assert_allclose(log.reference, text.corrected)
+    steps = [np.array(relative(poses[:-1], poses[1:])) for poses in (text.odometry, log.odometry)]
+    np.testing.assert_allclose(steps[0], steps[1], atol=1e-9)

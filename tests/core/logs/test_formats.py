@@ -9,6 +9,7 @@ import pytest
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.logs.reader import FORMATS, read_log
+from tests.core.logs.conftest import WRITERS
 
 
 def test_every_format_gives_what_was_written(kind, drive, write, log_text):
@@ -96,13 +97,45 @@ def test_scans_come_in_the_order_of_time(drive, write):
         [reading.motion for reading in log.readings],
         [reading.motion for reading in straight.readings],
     )
+    assert log.notes == (
+        "5 scans of 6 stood out of order and were sorted by stamp, the first of them scan 1",
+    )
 
 
 def test_scans_of_one_stamp_stay_as_they_stand(drive, write):
     text = drive("carmen", scans=60)
     text.stamps[:] = np.repeat((8.0, 7.0), 30)
-    expected = np.concatenate((text.ranges[30:], text.ranges[:30]))
-    np.testing.assert_array_equal(read_log(write(text.carmen())).ranges, expected)
+    log = read_log(write(text.carmen()))
+    np.testing.assert_array_equal(log.ranges, text.ranges)
+    assert log.notes == (
+        "the stamps do not tell the time (60 scans share 2 stamps); the scans stay in the file's "
+        "order",
+    )
+    assert [reading.stamp for reading in log.readings] == list(range(60))
+
+
+def test_scans_stay_as_they_stand_where_the_clock_steps_back(kind, drive, write):
+    if kind == "duke":
+        pytest.skip("no clock")
+    text = drive(kind, scans=60)
+    text.stamps = 100.0 + 0.5 * np.arange(60)
+    text.stamps[40:] -= 10.25
+    log = read_log(write(WRITERS[kind](text)))
+    np.testing.assert_allclose(log.ranges, text.ranges, atol=1e-9)
+    np.testing.assert_allclose(log.stamps, text.stamps)
+    assert "the clock steps back by 9.75 s at scan 41" in log.notes[0]
+    np.testing.assert_allclose(
+        [reading.stamp for reading in log.readings], 100.0 + 0.5 * np.arange(60)
+    )
+
+
+def test_first_stamps_that_descend_sort_nothing(drive, write):
+    text = drive("carmen", scans=30)
+    text.stamps = 100.0 + 0.5 * np.arange(30)
+    text.stamps[:3] = text.stamps[2::-1]
+    log = read_log(write(text.carmen()))
+    np.testing.assert_array_equal(log.ranges, text.ranges)
+    assert "steps back 2 times, first by 0.5 s at scan 2" in log.notes[0]
 
 
 def test_ranges_beyond_reach_and_codes_of_fault_mean_no_return(drive, write):
@@ -209,9 +242,8 @@ def test_a_corrected_log_out_of_time_order_keeps_its_odometry(drive, write):
     text = drive("corrected")
     text.stamps = text.stamps[[0, 2, 1, 3, 4, 5]]
     log = read_log(write(text.corrected_log()))
-    order = np.argsort(text.stamps)
-    np.testing.assert_allclose(log.odometry, text.odometry[order], atol=1e-5)
-    np.testing.assert_allclose(log.reference, text.corrected[order], atol=1e-9)
+    np.testing.assert_allclose(log.odometry, text.odometry, atol=1e-5)
+    np.testing.assert_allclose(log.reference, text.corrected, atol=1e-9)
 
 
 def test_carriage_returns_are_no_matter(kind, write, log_text):

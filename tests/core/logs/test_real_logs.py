@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -40,7 +41,8 @@ def test_the_size_of_every_log(name, scans, beams, path, mount, read):
     assert log.path_length == pytest.approx(path, abs=0.1)
     assert log.geometry.mount == (mount, 0, 0)
     assert (log.reference is not None) == ("corrected" in name)
-    assert (np.diff(log.stamps) >= 0).all()
+    assert (np.diff(log.times) >= 0).all()
+    assert bool(log.notes) == (name == "intel-corrected.log.gz")
     finite = log.ranges[np.isfinite(log.ranges)]
     assert finite.size > 0.5 * log.ranges.size
     assert 0 < finite.min() <= finite.max() < log.geometry.max_range
@@ -49,11 +51,15 @@ def test_the_size_of_every_log(name, scans, beams, path, mount, read):
 def test_the_odometry_recovered_on_intel_is_the_raw_logs(read):
     raw = read("intel_raw.json.gz")
     recovered = read("intel-corrected.log.gz")
-    np.testing.assert_array_equal(recovered.ranges, raw.ranges)
-    np.testing.assert_allclose(
-        recovered.stamps - raw.stamps, recovered.stamps[0] - raw.stamps[0], atol=0.01
-    )
-    motions = [np.array([reading.motion for reading in log.readings]) for log in (raw, recovered)]
+    # Four scans bear later stamps than the next ones, by which the raw log is sorted.
+    order = np.argsort(recovered.stamps)
+    assert (order != np.arange(910)).sum() == 8
+    np.testing.assert_array_equal(recovered.ranges[order], raw.ranges)
+    stamps = recovered.stamps[order]
+    np.testing.assert_allclose(stamps - raw.stamps, stamps[0] - raw.stamps[0], atol=0.01)
+    motions = [
+        relative(poses[:-1], poses[1:]) for poses in (raw.odometry, recovered.odometry[order])
+    ]
     differences = np.abs(relative(*motions))
     assert differences[:, :2].max() < 0.001
     assert differences[:, 2].max() < 0.001
@@ -101,6 +107,64 @@ def test_the_relations_on_intel(name, metres, degrees, data, read):
     assert error.translation_mean == pytest.approx(metres, rel=0.02)
     assert np.rad2deg(error.rotation_mean) == pytest.approx(degrees, rel=0.02)
     assert relation_error(trajectory, relations, tolerance=0.01).count == 148
+
+
+def _in_six_digits(text: str, epoch: float) -> str:
+    """A corrected log with the stamps of a program that prints `%g`."""
+    lines = []
+    for line in text.splitlines():
+        words = line.split()
+        if words and words[0] in ("ODOM", "FLASER") and words[-3] != "0":
+            words[-3] = f"{epoch + float(words[-3]):g}"
+        lines.append(" ".join(words))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("epoch", [1134860000.0, 113486000.0, 1134860.0])
+def test_six_digits_change_no_figure(epoch, data, read, tmp_path):
+    whole = read("aces-corrected.log.gz")
+    text = gzip.decompress((data / "logs" / "aces-corrected.log.gz").read_bytes()).decode()
+    path = tmp_path / "six.log"
+    path.write_text(_in_six_digits(text, epoch))
+    log = read_log(path)
+    assert "440 scans share" in log.notes[0]
+    np.testing.assert_array_equal(log.ranges, whole.ranges)
+    np.testing.assert_allclose(log.odometry, whole.odometry, atol=1e-9)
+    assert log.reference_trajectory is not None
+    error = trajectory_error(log.odometry_trajectory, log.reference_trajectory)
+    assert error is not None
+    assert (error.count, error.rmse) == (440, pytest.approx(5.42, abs=0.01))
+
+
+@pytest.mark.parametrize("which", ["before", "after"])
+@pytest.mark.parametrize("name", ["aces", "freiburg-101", "intel"])
+def test_odom_lines_lost_at_random_lose_no_more_than_their_steps(name, which, data, read, tmp_path):
+    rng = np.random.default_rng(5)
+    packed = data / "logs" / f"{name}-corrected.log.gz"
+    lines = [*gzip.decompress(packed.read_bytes()).decode().splitlines(), ""]
+    beside = 1 if which == "before" else -1
+    kept = [
+        line
+        for number, line in enumerate(lines)
+        if not (
+            line.startswith("ODOM")
+            and lines[number + beside].startswith("FLASER")
+            and rng.random() < 0.3
+        )
+    ]
+    path = tmp_path / "lost.log"
+    path.write_text("\n".join(kept) + "\n")
+    whole, log = read(packed.name), read_log(path)
+    np.testing.assert_array_equal(log.reference, whole.reference)
+    motions = [relative(each.odometry[:-1], each.odometry[1:]) for each in (whole, log)]
+    errors = np.abs(relative(*motions))
+    if which == "after":
+        assert errors.max() < 1e-9
+        return
+    assert "motions of the odometer are continued" in log.notes[0]
+    assert (errors.max(axis=1) < 1e-9).mean() == pytest.approx(0.7, abs=0.15)
+    assert errors[:, :2].mean() < 0.01
+    assert np.rad2deg(errors[:, 2].mean()) < 1.0
 
 
 def test_no_return_on_duke_is_told_from_far_walls(read):
