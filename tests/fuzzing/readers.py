@@ -86,6 +86,8 @@ def _log_readers() -> Iterator[Reader]:
         text = writer(make_drive(kind, scans=3))
         name = "run.json" if kind == "json" else "run.log"
         yield one_file(f"log, {kind}", name, text, _read_log, read_log)
+    line = " ".join(("3000000 1 10 20", "0 " * 21, "1500 " * 682))
+    yield one_file("log, BreezySLAM", "exp.dat", f"{line}\n{line}\n", _read_log, read_log)
     packed = gzip.compress(WRITERS["carmen"](make_drive("carmen", scans=3)).encode(), mtime=0)
     yield one_file("log, packed", "run.log.gz", packed, _read_log, read_beginning)
     for kind in ("corrected", "json"):

@@ -10,7 +10,8 @@ these messages:
   speed turn_rate front_distance side_distance turn_axis` (early logs have no remissions
   `m e1 … em`)
 
-Units are metres and radians; ranges run from right to left. In a log with both kinds of scans, only
+Units are metres and radians; ranges run from right to left, and with a negative spacing from left
+to right. In a log with both kinds of scans, only
 the kind of the first scan is read. Other messages are skipped.
 http://carmen.sourceforge.net/logger_playback.html
 
@@ -113,6 +114,19 @@ def _poses(records: Sequence[OdometerLine | Sweep], sweeps: Sequence[Sweep]) -> 
     return _LogPoses(robot, None, mount)
 
 
+def _rightmost(start: float, width: float) -> float:
+    """Return the bearing of the last beam of a laser upside down (rad).
+
+    Its start is that of the first beam, on the left; or in the laser's own frame, whose left is the
+    robot's right. The one that looks ahead is meant: where a laser stands is told by its pose.
+
+    Args:
+        start: The start, as in the log.
+        width: Angle from the first beam to the last.
+    """
+    return min((start - width, -start - width), key=lambda last: abs(last + width / 2))
+
+
 def _largest_spacing(beams: int) -> float:
     """Return the largest angle between beams (rad): a quarter turn, and a full turn for all."""
     return min(np.pi / 2, 2 * np.pi / (beams - 1))
@@ -141,10 +155,13 @@ class _Messages:
             return sick_laser(self._header.beams, NO_RETURN, mount)
         beams = self._header.beams
         kind, start, _, spacing, max_range, _, _ = map(float, self._header.configuration)
+        size = min(abs(spacing), _largest_spacing(beams))
+        if spacing < 0:
+            start = _rightmost(start, size * (beams - 1))
         return LaserGeometry(
             beams=beams,
             first_bearing=start,
-            spacing=min(spacing, _largest_spacing(beams)),
+            spacing=size,
             beam_width=SICK_BEAM_WIDTH if kind == _SICK_LMS else 0.0,
             max_range=min(max_range, NO_RETURN),
             mount=mount,
@@ -173,6 +190,8 @@ class _Messages:
         beams = text.count(words[8], "beams")
         self._check_laser(words[1:8], beams)
         ranges, rest = words[9 : 9 + beams], words[9 + beams :]
+        if float(words[4]) < 0:  # A laser upside down, whose beams run from left to right.
+            ranges.reverse()
         return self._sweep(words, ranges, self._after_remissions(rest))
 
     def _after_remissions(self, rest: list[str]) -> list[str]:
@@ -201,7 +220,7 @@ class _Messages:
             found = f"{beams} and {max_range:g} m"
             raise text.error("at least 2 beams, and a maximum range above 0", found)
         largest = _largest_spacing(beams)
-        if not 0 < spacing <= largest + _ROUNDING:
+        if not 0 < abs(spacing) <= largest + _ROUNDING:
             expected = f"a spacing above 0, and at most {largest:.6g} rad with {beams} beams"
             raise text.error(expected, f"{spacing:.6g} rad")
         self._header = header

@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import FIELDS, read_tum
 from albot_core.files import decode_text, read_beginning, read_text
-from albot_core.logs import carmen, duke, intel_json, wean
+from albot_core.logs import carmen, duke, intel_json, mines, wean
 from albot_core.logs.log import Log, Recording, Unread
 from albot_core.logs.text import LogText, is_number
 
@@ -30,8 +30,10 @@ class _Format(Protocol):
 
 _LINE_FORMATS: tuple[_Format, ...] = (carmen, wean, duke)
 
-FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME)
+FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME, mines.NAME)
 """Names of the known formats."""
+_LIBRSF = ("odom2", "loop", "point2", "angle")
+"""First words of lines in the data sets of TU Chemnitz's libRSF."""
 _BEGINNING = 1000
 """Number of characters checked for a zero byte, which means that the file is not text."""
 
@@ -76,6 +78,9 @@ def _reader(text: LogText) -> Callable[[LogText, bool], Recording] | None:
         return intel_json.read
     if "\0" in content[:_BEGINNING]:
         return None
+    first = next((line for line in text.lines if line.strip() and line.lstrip()[0] != "#"), "")
+    if mines.is_mines(first):
+        return mines.read
     readers = {word: known.read for known in _LINE_FORMATS for word in known.KEYWORDS}
     words = (word for line in text.lines for word in line.split(None, 1)[:1])
     return next((readers[word] for word in words if word in readers), None)
@@ -88,6 +93,11 @@ def _kind(text: LogText) -> str:
         return "an empty file"
     if beginning.startswith("PK\x03\x04"):
         return "a zip archive"
+    if beginning.split()[0] in _LIBRSF:
+        return (
+            f"a line of libRSF, {beginning.split()[0]}, which holds neither scans nor sonars; "
+            "convert its sensor data to FLASER lines, and its truth to a TUM trajectory"
+        )
     return repr(beginning) if beginning.isprintable() else "binary data"
 
 

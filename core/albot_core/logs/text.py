@@ -75,6 +75,12 @@ class LogText:
         scans = sum(word in scan_keywords for line in rest for word in line.split(None, 1)[:1])
         return Unread(lines=len(rest), scans=scans, reason=str(error))
 
+    def unread_lines(self, error: InputError) -> Unread:
+        """Return the same of a log whose lines are a scan each."""
+        rest = self.lines[self.number - 1 :]
+        scans = sum(bool(line.split()) for line in rest)
+        return Unread(lines=len(rest), scans=scans, reason=str(error))
+
     def numbers(self, words: Sequence[str], what: str) -> Float64[np.ndarray, "numbers"]:
         """Parse words as finite numbers; `what` names them in errors.
 

@@ -8,7 +8,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
-from albot_core.logs.reader import FORMATS, read_log
+from albot_core.logs.reader import FORMATS, read_log, read_reference
 from tests.core.logs.conftest import WRITERS
 
 
@@ -114,9 +114,8 @@ def test_scans_of_one_stamp_stay_as_they_stand(drive, write):
     assert [reading.stamp for reading in log.readings] == list(range(60))
 
 
+@pytest.mark.parametrize("kind", sorted({*WRITERS} - {"duke"}))
 def test_scans_stay_as_they_stand_where_the_clock_steps_back(kind, drive, write):
-    if kind == "duke":
-        pytest.skip("no clock")
     text = drive(kind, scans=60)
     text.stamps = 100.0 + 0.5 * np.arange(60)
     text.stamps[40:] -= 10.25
@@ -177,7 +176,7 @@ def test_a_spacing_may_be_rounded_up(beams, written, spacing, drive, write):
     ("beams", "written", "expected"),
     [
         (2, "1.58", "at most 1.5708 rad with 2 beams, found 1.58 rad"),
-        (3, "-0.1", "a spacing above 0, and at most 1.5708 rad with 3 beams, found -0.1 rad"),
+        (3, "-1.58", "a spacing above 0, and at most 1.5708 rad with 3 beams, found -1.58 rad"),
         (3, "0", "above 0, and at most 1.5708 rad with 3 beams, found 0 rad"),
         (361, "0.0175", "at most 0.0174533 rad with 361 beams, found 0.0175 rad"),
     ],
@@ -187,6 +186,19 @@ def test_a_spacing_that_cannot_be_is_told(beams, written, expected, drive, write
     with pytest.raises(InputError, match=expected) as caught:
         read_log(write(text))
     assert "line 1: expected a spacing" in str(caught.value)
+
+
+@pytest.mark.parametrize("start", ["-1.570796", "1.570796"])
+def test_the_beams_of_a_laser_upside_down_run_from_left_to_right(start, drive, write):
+    text = drive("robotlaser")
+    right = read_log(write(text.robotlaser()))
+    text.ranges = text.ranges[:, ::-1]
+    turned = text.robotlaser().replace(
+        " -1.570796 3.141593 0.008727 ", f" {start} -3.141593 -0.008727 "
+    )
+    log = read_log(write(turned))
+    np.testing.assert_array_equal(log.ranges, right.ranges)
+    np.testing.assert_allclose(log.geometry.bearings, right.geometry.bearings, atol=1e-3)
 
 
 @pytest.mark.parametrize("remissions", [None, 0, 1, 361])
@@ -265,7 +277,7 @@ def test_a_last_line_without_its_end_is_read_if_whole(kind, write, log_text):
         (b"\x7fELF\x00\x01\x02", "binary data"),
         (b"PK\x03\x04\x14\x00\x08\x00\nL 1 2\n", "a zip archive"),
         (b"Dear diary,\ntoday I drove.\n", "'Dear diary,'"),
-        (b"point2 0 1 2\n", "'point2 0 1 2'"),
+        (b"pose2 0 1 2\n", "'pose2 0 1 2'"),
     ],
 )
 def test_what_is_no_log_is_named(content, found, tmp_path):
@@ -276,6 +288,13 @@ def test_what_is_no_log_is_named(content, found, tmp_path):
             read_log(path, keep_going)
         assert caught.value.found == found
         assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("line", ["odom2 0 0.1 0 0 1 1 1", "point2 0 1 2", "loop 3 1 0.9"])
+def test_librsfs_files_are_told_what_to_convert(line, write):
+    for read in (read_log, read_reference):
+        with pytest.raises(InputError, match=r"a line of libRSF, .*; convert its sensor data"):
+            read(write(f"{line}\n"))
 
 
 def test_the_error_of_an_unknown_format_lists_the_known_ones(write):
