@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -92,16 +91,10 @@ def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None
     """
     mapper = make_mapper(name, config=config)
     end = time.perf_counter() + seconds
-    logger = logging.getLogger("albot_core.mappers")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        for reading in log.readings[:_WARM_UP]:
-            mapper.update(reading)
-            if time.perf_counter() > end:
-                break
-    finally:
-        logger.setLevel(level)
+    for reading in log.readings[:_WARM_UP]:
+        mapper.update(reading)
+        if time.perf_counter() > end:
+            break
 
 
 def run_mapper(
@@ -215,7 +208,7 @@ def notes_of(
         relations: True relations, if known.
     """
     notes = [NO_ODOMETRY] if log.is_odometry_constant else []
-    notes += log.notes
+    notes += [*log.notes, *map(str, log.resets)]
     has_clock = read_clock(log.stamps).is_good
     if truth is not None:
         fault = clock_fault(truth.stamps, "pose")
@@ -317,7 +310,7 @@ def as_table(figures: dict[str, Any]) -> str:
     if figures["left_out"]:
         lines += ["", left_out_line(figures["left_out"])]
     if figures["note"]:
-        lines += ["", f"note: {figures['note']}"]
+        lines += ["", *(f"note: {note}" for note in figures["note"].split("; "))]
     return "\n".join(lines)
 
 

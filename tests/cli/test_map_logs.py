@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import lzma
 
+import numpy as np
 import pytest
 
+from albot_core.geometry.poses import compose, relative
 from tests.cli.conftest import FILES, PLACES, figures
+from tests.core.mappers.slam.rooms import LASER, scan_from
 
 
 @pytest.mark.parametrize(
@@ -62,3 +65,38 @@ def test_a_log_without_odometry_is_mapped_by_the_scans_alone(call, data, tmp_pat
     done = call("map", log, "--json")
     assert figures(done)["note"].startswith("the log's odometry is constant")
     assert "the log's odometry is constant" in done.stderr
+
+
+@pytest.fixture
+def reset_log(tmp_path):
+    """A robot turns about in a room; at its scan 31 a driver starts again and counts from zero."""
+    poses = [np.array((-1.5, -1.5, 0.2))]
+    for _ in range(59):
+        poses.append(compose(poses[-1], np.array((0.12, 0.0, 0.05))))
+    scans, truth = [], []
+    for k, pose in enumerate(poses):
+        told = compose(np.array((3.0, -8.0, 1.0)), pose) if k < 30 else relative(poses[30], pose)
+        ranges = " ".join(f"{r:.3f}" for r in scan_from(pose).ranges)
+        where = " ".join(f"{number:.6f}" for number in (*told, *told))
+        scans.append(f"FLASER {LASER.beams} {ranges} {where} {0.2 * k:.6f} robot {0.2 * k:.6f}")
+        x, y, heading = pose
+        half = f"{np.sin(heading / 2):.9f} {np.cos(heading / 2):.9f}"
+        truth.append(f"{0.2 * k:.6f} {x:.6f} {y:.6f} 0 0 0 {half}")
+    (tmp_path / "reset.log").write_text("\n".join(scans) + "\n")
+    (tmp_path / "truth.tum").write_text("\n".join(truth) + "\n")
+    return tmp_path / "reset.log", "--reference", tmp_path / "truth.tum"
+
+
+@pytest.mark.parametrize("mapper", ["albot1", "association", "odometry", "scan-matching"])
+def test_a_reset_of_the_odometer_is_told_and_costs_nothing(mapper, reset_log, call):
+    done = call("map", *reset_log, "--mapper", mapper, "--json")
+    told = figures(done)
+    assert told["note"].startswith("at scan 31 the odometer jumps by ")
+    assert told["note"] in done.stderr
+    assert told["ate_rmse_m"] < 0.1 < 2.0 < told["odometry_ate_rmse_m"]
+    assert told["path_m"] == pytest.approx(59 * 0.12, abs=0.05)
+
+
+def test_compare_tells_of_a_reset_too(reset_log, call):
+    done = call("compare", *reset_log, "--mappers", "odometry", "--jobs", "1")
+    assert "note: at scan 31 the odometer jumps by " in done.stdout

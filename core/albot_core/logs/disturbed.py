@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
+from albot_core.geometry.types import Pose
 from albot_core.logs.log import Log, with_noise
 from albot_core.sensing.reading import LaserGeometry
 
@@ -159,6 +160,20 @@ def _is_beside(
 def with_a_frozen_odometer(log: Log, _: np.random.Generator) -> Log:
     """Return a copy of the log whose odometer reports no motion at all."""
     return replace(log, odometry=np.repeat(log.odometry[:1], len(log.odometry), axis=0))
+
+
+def with_reset(log: Log, scan: int, jump: Pose) -> Log:
+    """Return a copy of the log whose odometer jumps before a scan, from which on it counts anew.
+
+    Args:
+        log: The log.
+        scan: Index of the first scan after the jump, from 1.
+        jump: The jump (m, m, rad), in the robot's frame at the scan before. The motion between the
+            two scans is added.
+    """
+    motions = relative(log.odometry[:-1], log.odometry[1:])
+    motions[scan - 1] = compose(jump, motions[scan - 1])
+    return _with_motions(log, motions)
 
 
 def _all(log: Log, rng: np.random.Generator) -> Log:

@@ -5,6 +5,7 @@ The readers of all formats return a recording. This module also holds what they 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,6 +20,7 @@ from albot_core.evaluation.moments import clock_fault, rising_times, time_order
 from albot_core.evaluation.trajectory import Trajectory, path_length
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
+from albot_core.logs.odometer_resets import OdometerReset, find_resets
 from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
@@ -78,7 +80,8 @@ class Log:
     ranges: Float64[np.ndarray, "scans beams"] | None
     """Distance along every beam (m), infinity where there was no return; None without a laser."""
     odometry: Poses
-    """The odometer's pose at every scan (m, rad), in the odometer's frame."""
+    """The odometer's pose at every scan (m, rad), in the odometer's frame, as recorded: with its
+    jumps."""
     sonar: SonarGeometry | None = None
     """Geometry of the sonars; None in a log without sonars."""
     echoes: Float64[np.ndarray, "scans sonars"] | None = None
@@ -99,10 +102,26 @@ class Log:
 
     @cached_property
     def readings(self) -> list[Reading]:
-        """One reading per scan; the motion of the first is zero."""
+        """One reading per scan; the motion of the first is zero.
+
+        Where the odometer jumps (`resets`), the motion is the one found for the robot.
+        """
+        motions = self._motions
+        for reset in self.resets:
+            motions[reset.scan] = reset.motion
+        return [self._reading(scan, motion) for scan, motion in enumerate(motions)]
+
+    @cached_property
+    def resets(self) -> tuple[OdometerReset, ...]:
+        """The jumps of the odometer, in the order of the scans."""
+        return find_resets(self.stamps, self._motions, self.geometry, self.ranges)
+
+    @property
+    def _motions(self) -> Poses:
+        """The odometer's motion to every scan, in the robot's frame at the scan before."""
         motions = np.zeros_like(self.odometry)
         motions[1:] = relative(self.odometry[:-1], self.odometry[1:])
-        return [self._reading(scan, motion) for scan, motion in enumerate(motions)]
+        return motions
 
     def _reading(self, scan: int, motion: Pose) -> Reading:
         laser, sonar, scene = None, None, None
@@ -132,10 +151,13 @@ class Log:
 
     @property
     def path_length(self) -> float:
-        """Length of the path (m): by odometry, or by the reference if the odometer is constant."""
+        """Length of the path (m): by odometry without its jumps; if constant, by the reference."""
         if self.is_odometry_constant and self.reference is not None:
             return path_length(self.reference)
-        return path_length(self.odometry)
+        jumps = (
+            math.hypot(*reset.motion[:2]) - math.hypot(*reset.reported[:2]) for reset in self.resets
+        )
+        return path_length(self.odometry) + sum(jumps)
 
     @property
     def odometry_trajectory(self) -> Trajectory:

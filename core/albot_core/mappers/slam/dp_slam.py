@@ -34,7 +34,6 @@ from albot_core.mappers.slam.dp_slam_config import MOST_DEVIATIONS, DpSlamConfig
 from albot_core.mappers.slam.observations import release_empty_tiles
 from albot_core.mappers.slam.opacity import Beams, slots_needed, used_beams, weigh_samples
 from albot_core.mappers.slam.scan_entry import enter_scan
-from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.tiles import NONE
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
@@ -98,8 +97,7 @@ class DpSlam:
         """
         scan = reading.required_laser(self._name)
         is_first = self._paths.readings == 0
-        motion, _ = believed_motion(reading, self.config.longest_step, self._name)
-        moved = np.zeros(3) if is_first else compose(self._moved, motion)
+        moved = np.zeros(3) if is_first else compose(self._moved, reading.motion)
         if not is_first and not self._has_moved_on(moved):
             self._moved = moved
             self._paths.add_reading(moved)

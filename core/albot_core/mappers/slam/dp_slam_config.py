@@ -106,9 +106,6 @@ class DpSlamConfig:
     """The motion model."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
     """Parameters of the search for the way home; not in the program."""
-    longest_step: float = 10.0
-    """Largest distance between two readings (m); a longer odometer motion is rejected. Not in the
-    program."""
     step: float = 0.05
     """Distance since the last used scan after which a scan is used (m)."""
     turn: float = 0.03
@@ -147,7 +144,6 @@ class DpSlamConfig:
         check_fields(self, _FROM_ONE, "samples", "beams", "passes")
         check_fields(self, NOT_NEGATIVE, "step", "turn", "beyond", "before_end", "after_end")
         check_fields(self, POSITIVE, "cell", "reach", "variance", "prior", "prior_squares", "cull")
-        check_fields(self, POSITIVE, "longest_step")
         check_fields(self, _SHARE, "floor")
         if not max(self.reach, self.beyond, self.before_end, self.after_end) / self.cell <= 4096:
             expected = f"at most 4096 squares of {self.cell:g} m"

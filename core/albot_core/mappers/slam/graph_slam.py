@@ -21,14 +21,10 @@ from albot_core.geometry.poses import compose, relative, transform_points
 from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
 from albot_core.mappers.registry import mapper_spec
-from albot_core.mappers.slam.correlation import Window, correlate
 from albot_core.mappers.slam.graph_slam_config import GraphSlamConfig
 from albot_core.mappers.slam.grid import LogOddsGrid
-from albot_core.mappers.slam.likelihood_field import LikelihoodField
 from albot_core.mappers.slam.local_map import LocalMap, Match, ScanPoints, scan_points
 from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
-from albot_core.mappers.slam.refinement import refine
-from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import (
@@ -38,6 +34,9 @@ from albot_core.maps.layers import (
     PlaceNode,
     TrajectoryLayer,
 )
+from albot_core.matching.correlation import Window, correlate
+from albot_core.matching.likelihood_field import LikelihoodField
+from albot_core.matching.refinement import refine
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
 
@@ -111,10 +110,9 @@ class GraphSlam:
         match: Match | None = None
         is_kept = True
         if self._keyframes:
-            motion, is_believed = believed_motion(reading, self.config.longest_step, self._name)
-            match = self._local.match(points, compose(self._pose, motion))
+            match = self._local.match(points, compose(self._pose, reading.motion))
             self._pose, self._is_localised = match.pose, match.is_good
-            is_kept = self._local.is_due(match.pose) and (is_believed or match.is_good)
+            is_kept = self._local.is_due(match.pose)
         if is_kept:
             keyframe = Keyframe(laser, points, len(self._offsets))
             self._add_node(keyframe, match)  # Steps 1 and 2.

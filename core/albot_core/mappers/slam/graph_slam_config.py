@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 from albot_core.mappers.slam.grid import GridConfig
-from albot_core.mappers.slam.likelihood_field import FieldConfig
 from albot_core.mappers.slam.local_map import MatchingConfig
 from albot_core.mappers.slam.way_home import WayHomeConfig
+from albot_core.matching.likelihood_field import FieldConfig
 from albot_core.ranges import FROM_ONE, POSITIVE, SHARE, check_fields
 
 
@@ -82,12 +82,8 @@ class GraphSlamConfig:
     waiting_share: float = 0.1
     """Share of all closures that replaces `most_waiting` if it is more, so that a closure costs no
     more in a large graph than in a small one."""
-    longest_step: float = 10.0
-    """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
-        check_fields(
-            self, POSITIVE, "cauchy", "dcs", "floor", "turn_floor", "surprise", "longest_step"
-        )
+        check_fields(self, POSITIVE, "cauchy", "dcs", "floor", "turn_floor", "surprise")
         check_fields(self, FROM_ONE, "most_waiting")
         check_fields(self, SHARE, "waiting_share")

@@ -17,8 +17,8 @@ from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
 from albot_core.mappers.slam.particle_slam import ParticleSlam, ParticleSlamConfig
-from albot_core.mappers.slam.points import matched_points
 from albot_core.mappers.slam.tiles import PoolArrays
+from albot_core.matching.scan_points import matched_points
 from albot_core.sensing.reading import LaserScan
 
 

@@ -26,7 +26,6 @@ from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
-from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
@@ -61,14 +60,11 @@ class KartoConfig:
     """The occupancy grid that is drawn; not in OpenKarto."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
     """Parameters of the search for the way home; not in OpenKarto."""
-    longest_step: float = 10.0
-    """Largest distance between two readings (m); a longer odometer motion is rejected. Not in
-    OpenKarto."""
 
     def __post_init__(self) -> None:
         check_fields(
             self, POSITIVE, "loop_search_dist", "min_response_coarse", "min_response_fine",
-            "range_threshold", "longest_step",
+            "range_threshold",
         )  # fmt: skip
         check_fields(self, NOT_NEGATIVE, "minimum_travel_distance", "minimum_travel_heading")
         check_fields(self, FROM_ONE, "scan_buffer_len", "loop_search_min_chain_size")
@@ -127,8 +123,7 @@ class Karto:
             raise InputError("Reading.laser", "the same laser at each reading", "another one")
         offset, is_due = np.zeros(3), True
         if self._scans:
-            motion, _ = believed_motion(reading, self.config.longest_step, self._name)
-            offset = compose(self._offsets[-1], motion)
+            offset = compose(self._offsets[-1], reading.motion)
             is_due = self._has_moved_enough(offset)
         if is_due:
             before = self._odometry[-1] if self._scans else np.zeros(3)

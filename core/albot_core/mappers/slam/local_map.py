@@ -19,11 +19,11 @@ from jaxtyping import Float64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.geometry.types import Points, Pose, Poses
-from albot_core.mappers.slam.correlation import Window, correlate
-from albot_core.mappers.slam.likelihood_field import FieldConfig, LikelihoodField
-from albot_core.mappers.slam.points import matched_points, surface_points
-from albot_core.mappers.slam.refinement import refine
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.matching.correlation import Window, correlate
+from albot_core.matching.likelihood_field import FieldConfig, LikelihoodField
+from albot_core.matching.refinement import refine
+from albot_core.matching.scan_points import matched_points, surface_points
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
 

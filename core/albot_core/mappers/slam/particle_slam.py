@@ -26,7 +26,6 @@ from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
 from albot_core.mappers.slam.particles import Particles
-from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, ParticlesLayer, TrajectoryLayer
@@ -62,15 +61,11 @@ class ParticleSlamConfig:
     """Standard deviation of the heading per distance (rad/m)."""
     resample_below: float = 0.5
     """Particles are resampled if their effective number is below this share of all."""
-    longest_step: float = 10.0
-    """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
         check_fields(self, _PARTICLES, "particles")
         check_fields(self, NOT_NEGATIVE, "step", "turn")
-        check_fields(
-            self, POSITIVE, "drift", "drift_by_turn", "twist", "twist_by_way", "longest_step"
-        )
+        check_fields(self, POSITIVE, "drift", "drift_by_turn", "twist", "twist_by_way")
         check_fields(self, SHARE, "resample_below")
 
 
@@ -179,13 +174,12 @@ class ParticleSlam(ABC):
         if not self._particles.updates:
             self._local.keep(self._pose, points.surface)
             return
-        motion, is_believed = believed_motion(reading, self.config.longest_step, self._name)
-        match = self._local.match(points, compose(self._pose, motion))
+        match = self._local.match(points, compose(self._pose, reading.motion))
         motion = relative(self._pose, match.pose)
         self._pose, self._is_localised = match.pose, match.is_good
         self._motion = compose(self._motion, motion)
         self._way += (math.hypot(motion[0], motion[1]), abs(float(motion[2])))
-        if self._local.is_due(match.pose) and (is_believed or match.is_good):
+        if self._local.is_due(match.pose):
             self._local.keep(match.pose, points.surface)
 
     def _has_moved_on(self) -> bool:

@@ -9,8 +9,6 @@ is the best of a window (Olson, ICRA 2009).
 
 from __future__ import annotations
 
-import logging
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -26,10 +24,7 @@ from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_poi
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
-from albot_core.ranges import POSITIVE, check_fields
 from albot_core.sensing.reading import Reading
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,35 +37,6 @@ class ScanMatchingConfig:
     """The occupancy grid."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
     """Parameters of the search for the way home."""
-    longest_step: float = 10.0
-    """Largest distance between two readings (m); a longer odometer motion is rejected."""
-
-    def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "longest_step")
-
-
-def believed_motion(reading: Reading, longest: float, by: str) -> tuple[Pose, bool]:
-    """Return the odometer's motion, and whether it is plausible; no motion if it is not.
-
-    An implausible motion is a jump, which would make the map grow by kilometres. The robot is then
-    assumed not to have moved, and a warning is logged.
-
-    Args:
-        reading: The reading.
-        longest: Largest plausible distance between two readings (m).
-        by: The mapper's name, for the warning.
-    """
-    gone = math.hypot(reading.motion[0], reading.motion[1])
-    if gone <= longest:
-        return reading.motion, True
-    _log.warning(
-        "%s: the odometer's motion of %.1f m at %.3f s is not believed; the robot is taken to be "
-        "where it was",
-        by,
-        gone,
-        reading.stamp,
-    )
-    return np.zeros(3), False
 
 
 class ScanMatching:
@@ -127,10 +93,9 @@ class ScanMatching:
         laser = reading.required_laser(self._name)
         scan = scan_points(laser, self.config.matching)
         if self._poses:
-            motion, is_believed = believed_motion(reading, self.config.longest_step, self._name)
-            match = self._local.match(scan, compose(self._pose, motion))
+            match = self._local.match(scan, compose(self._pose, reading.motion))
             self._pose, self._is_localised = match.pose, match.is_good
-            is_kept = self._local.is_due(match.pose) and (is_believed or match.is_good)
+            is_kept = self._local.is_due(match.pose)
         else:
             is_kept = True
         if is_kept:

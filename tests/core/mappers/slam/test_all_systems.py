@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from itertools import pairwise
 
 import numpy as np
@@ -89,20 +88,6 @@ def test_its_grid_is_written_for_map_server(name, tmp_path):
     column, row = cell.astype(int)
     assert gray[::-1][row, column] == 254
     assert (gray == 0).sum() > 50
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_jump_of_the_odometer_is_told_and_not_followed(name, caplog):
-    poses = lap()[:14]
-    mapper = led(name, poses[:10])
-    cells = mapper.snapshot().layer(OccupancyGridLayer).occupancy.size
-    jump = relative(poses[9], poses[10]) + np.array((1e4, 0.0, 0.0))
-    with caplog.at_level(logging.WARNING):
-        mapper.update(reading_from(poses[10], jump))
-    assert f"{name}: the odometer's motion of 10000.2 m" in caplog.text
-    assert mapper.snapshot().layer(OccupancyGridLayer).occupancy.size < 2 * cells
-    drive_on(mapper, poses[10:])
-    assert off(mapper, poses) < 0.3
 
 
 def drive_on(mapper: Mapper, poses: np.ndarray) -> None:

@@ -10,8 +10,8 @@ import pytest
 from albot_core.errors import InputError
 from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
-from albot_core.mappers.slam.points import matched_points
 from albot_core.mappers.slam.tiles import log_odds_at
+from albot_core.matching.scan_points import matched_points
 from tests.core.mappers.slam.rooms import scan_from
 
 CELL = 0.05

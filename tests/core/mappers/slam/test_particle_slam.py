@@ -15,8 +15,8 @@ from albot_core.mappers.slam.beam_model import beam_tables
 from albot_core.mappers.slam.gmapping import GMappingConfig, Search, draw_poses
 from albot_core.mappers.slam.grid_slam import GridSlamConfig
 from albot_core.mappers.slam.particles import Particles
-from albot_core.mappers.slam.points import matched_points
 from albot_core.maps.layers import OccupancyGridLayer, ParticlesLayer
+from albot_core.matching.scan_points import matched_points
 from tests.core.mappers.slam.rooms import scan_from
 from tests.core.mappers.slam.test_scan_matching import drive, lap
 

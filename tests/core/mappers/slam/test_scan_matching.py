@@ -7,7 +7,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
-from albot_core.mappers.slam.scan_matching import ScanMatching, ScanMatchingConfig
+from albot_core.mappers.slam.scan_matching import ScanMatching
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.sensing.reading import LaserScan, Reading
 from tests.core.mappers.slam.rooms import LASER, reading_from
@@ -88,8 +88,3 @@ def test_a_damaged_state_is_refused(name, damage, message):
     state[name] = damage(state[name])
     with pytest.raises(InputError, match=message):
         ScanMatching().restore(state)
-
-
-def test_wrong_thresholds_are_refused():
-    with pytest.raises(InputError, match=r"ScanMatchingConfig\.longest_step"):
-        ScanMatchingConfig(longest_step=0.0)
