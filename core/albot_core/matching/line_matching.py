@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from albot_core.geometry.pose_kernels import rotate, rotate_back, transform_point
 from albot_core.geometry.types import Pose, Segments
@@ -28,6 +28,8 @@ MAX_LINES = 48
 of their number."""
 ROUNDS = 3
 """Number of times that the pose is refined."""
+_ROUNDING = 1e-9
+"""What rounding may make of a heading (rad)."""
 
 
 class MatchLimits(NamedTuple):
@@ -72,6 +74,15 @@ class MatchConfig:
         return MatchLimits(
             self.min_length, self.max_gap, self.max_angle, self.max_shift, self.max_turn
         )
+
+
+class ByHeading(NamedTuple):
+    """Lines in the order of their headings."""
+
+    headings: Float64[np.ndarray, "n"]
+    """Their headings, ascending within [-pi, pi] (rad)."""
+    order: Int64[np.ndarray, "n"]
+    """The index of each of these lines."""
 
 
 class LineMatch(NamedTuple):
@@ -166,11 +177,12 @@ def _refine_match(
     counts: np.ndarray,
 ) -> float:
     """Refine a pose and count the lines that are the same under it; return their share."""
-    pairs = np.empty(theirs.shape[0], np.int64)
+    pairs, taken = np.empty(theirs.shape[0], np.int64), np.empty(mine.shape[0], np.bool_)
+    turned = by_heading(mine)
     for _ in range(ROUNDS):
-        _pair(mine, theirs, best, limits, -1, pairs)
+        _pair(mine, turned, theirs, best, limits, -1, pairs, taken)
         _refine(mine, theirs, pairs, best)
-    counts[0] = _pair(mine, theirs, best, limits, -1, pairs)
+    counts[0] = _pair(mine, turned, theirs, best, limits, -1, pairs, taken)
     return _count_sides(mine, theirs, pairs, robot, counts)
 
 
@@ -185,19 +197,79 @@ def _search(
     best: np.ndarray,
     most: np.ndarray,
 ) -> None:
-    """Set the poses (n, 3), no two alike, under which most lines are the same, and how many."""
+    """Set the poses (n, 3), no two alike, under which most lines are the same, and how many.
+
+    Lines are paired under a pose only where so many may be the same that the pose would be kept:
+    in the open, where a place is large, that is so of few poses.
+    """
     pose, pairs, last = np.empty(3), np.empty(theirs.shape[0], np.int64), np.argmin(most)
+    turned, taken = by_heading(mine), np.empty(mine.shape[0], np.bool_)
+    alike_headings = np.empty((theirs.shape[0] * mine.shape[0], 2), np.int64)
     for j in range(mine.shape[0]):
         for k in range(theirs.shape[0]):
-            if abs(wrap(wrap(mine[j, 5] - theirs[k, 5]) - guess[2])) > limits.max_turn:
+            turn = wrap(mine[j, 5] - theirs[k, 5])
+            if abs(wrap(turn - guess[2])) > limits.max_turn:
                 continue
+            count = _find_alike_headings(turned, theirs, turn, limits, alike_headings)
             for anchor in range(3):
                 lay_on(mine[j], theirs[k], anchor, pose)
                 if not is_near(pose, guess, robot, limits):
                     continue
-                found = _pair(mine, theirs, pose, limits, most[last], pairs)
+                if _most_pairs(mine, theirs, alike_headings[:count], pose, limits) <= most[last]:
+                    continue
+                found = _pair(mine, turned, theirs, pose, limits, most[last], pairs, taken)
                 if found > most[last] and _keep(pose, found, robot, alike, best, most):
                     last = np.argmin(most)
+
+
+@kernel()
+def _find_alike_headings(
+    turned: ByHeading, theirs: np.ndarray, turn: float, limits: MatchLimits, found: np.ndarray
+) -> int:
+    """Fill in (q, k) for each line q of theirs and k of mine that have about one heading.
+
+    They are in the order of q. Returns their number.
+    """
+    size, count = turned.order.shape[0], 0
+    widest = limits.max_angle + _ROUNDING
+    for q in range(theirs.shape[0]):
+        heading = wrap(theirs[q, 5] + turn)
+        first = _first_from(turned.headings, wrap(heading - widest)) if widest < np.pi else 0
+        for step in range(size):
+            place = first + step if first + step < size else first + step - size
+            if widest < np.pi and abs(wrap(turned.headings[place] - heading)) > widest + _ROUNDING:
+                break
+            found[count, 0], found[count, 1] = q, turned.order[place]
+            count += 1
+    return count
+
+
+@kernel()
+def _most_pairs(
+    mine: np.ndarray,
+    theirs: np.ndarray,
+    alike_headings: np.ndarray,
+    pose: np.ndarray,
+    limits: MatchLimits,
+) -> int:
+    """Return a number that the lines which are the same under a pose do not exceed.
+
+    It is how many of theirs have one of mine, of about their heading, with its middle so near that
+    the two can overlap.
+    """
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    count, last = 0, -1
+    for n in range(alike_headings.shape[0]):
+        q, k = alike_headings[n, 0], alike_headings[n, 1]
+        if q == last:
+            continue
+        x, y = 0.5 * (theirs[q, 0] + theirs[q, 2]), 0.5 * (theirs[q, 1] + theirs[q, 3])
+        x, y = transform_point(pose, cos, sin, x, y)
+        x, y = x - 0.5 * (mine[k, 0] + mine[k, 2]), y - 0.5 * (mine[k, 1] + mine[k, 3])
+        along = 0.5 * (theirs[q, 4] + mine[k, 4])
+        if x * x + y * y <= along * along + limits.max_gap * limits.max_gap + _ROUNDING:
+            count, last = count + 1, q
+    return count
 
 
 @kernel()
@@ -254,21 +326,58 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: Matc
 
 
 @kernel(arrays=True)
+def by_heading(lines: np.ndarray) -> ByHeading:
+    """Return the lines in the order of their headings."""
+    order = np.argsort(lines[:, 5])
+    return ByHeading(lines[order, 5], order)
+
+
+@kernel()
+def _first_from(headings: np.ndarray, least: float) -> int:
+    """Return the index of the first heading that is not below the least."""
+    low, high = 0, headings.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if headings[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel()
 def _pair(
     mine: np.ndarray,
+    turned: ByHeading,
     theirs: np.ndarray,
     pose: np.ndarray,
     limits: MatchLimits,
     most: int,
     pairs: np.ndarray,
+    taken: np.ndarray,
 ) -> int:
     """Fill `pairs` (m,) with the line of `mine` that equals each of `theirs`; -1 for none.
 
-    Each takes the nearest of mine that is not yet taken. Returns the number of pairs; it stops
-    where there can no longer be more than `most`.
+    Each takes the nearest of mine that is not yet taken; of equally near ones, the first. Returns
+    the number of pairs; it stops where there can no longer be more than `most`.
+
+    Only lines of about the same heading are looked at. In a building they are a share of all; in
+    the open, where headings are many and a place is large, they are few of many.
+
+    Args:
+        mine: Lines of the present place, as rows (n, 8).
+        turned: The same by heading.
+        theirs: Lines of the remembered place, as rows (m, 8).
+        pose: Pose of its frame.
+        limits: When lines match.
+        most: As above.
+        pairs: Filled in (m,).
+        taken: Scratch buffer (n,).
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    taken = np.zeros(mine.shape[0], np.bool_)
+    count = mine.shape[0]
+    for k in range(count):
+        taken[k] = False
     found = 0
     for q in range(theirs.shape[0]):
         if found + theirs.shape[0] - q <= most:
@@ -276,11 +385,18 @@ def _pair(
         pairs[q] = -1
         best = limits.max_gap
         heading, ends = wrap(theirs[q, 5] + pose[2]), moved_ends(theirs[q], pose, cos, sin)
-        for k in range(mine.shape[0]):
+        # Slightly more than those of the same heading, which are then told exactly.
+        widest = limits.max_angle + _ROUNDING
+        first = _first_from(turned.headings, wrap(heading - widest)) if widest < np.pi else 0
+        for step in range(count):
+            place = first + step if first + step < count else first + step - count
+            if widest < np.pi and abs(wrap(turned.headings[place] - heading)) > widest + _ROUNDING:
+                break
+            k = turned.order[place]
             if taken[k] or abs(wrap(heading - mine[k, 5])) >= limits.max_angle:
                 continue
             aside = beside(mine[k], ends, theirs[q, 4])
-            if aside < best:
+            if aside < best or (aside == best and k < pairs[q]):
                 best = aside
                 pairs[q] = k
         if pairs[q] >= 0:

@@ -14,7 +14,10 @@ from albot_core.matching import line_matching
 from albot_core.matching.line_matching import (
     MAX_LINES,
     MatchConfig,
+    _find_alike_headings,
+    _most_pairs,
     _pair,
+    by_heading,
     line_rows,
     match_everywhere,
     match_lines,
@@ -167,13 +170,19 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     pairs = np.empty(len(theirs), np.int64)
     rows_mine = line_rows(mine, config)
     rows_theirs = line_rows(theirs, replace(config, min_length=1e-9))
-    found = _pair(rows_mine, rows_theirs, pose, config.limits, -1, pairs)
+    turned, taken = by_heading(rows_mine), np.empty(len(rows_mine), np.bool_)
+    rest = rows_theirs, pose, config.limits
+    found = _pair(rows_mine, turned, *rest, -1, pairs, taken)
     expected = slow_pairs(mine, theirs, pose, config)
     assert pairs.tolist() == expected
     assert found == sum(pair >= 0 for pair in expected)
     # It may stop only where there cannot be more.
-    assert _pair(rows_mine, rows_theirs, pose, config.limits, found - 1, pairs) == found
-    assert _pair(rows_mine, rows_theirs, pose, config.limits, found, pairs) <= found
+    assert _pair(rows_mine, turned, *rest, found - 1, pairs, taken) == found
+    assert _pair(rows_mine, turned, *rest, found, pairs, taken) <= found
+    # Nor is a pose passed over under which there are so many.
+    near = np.empty((len(rows_mine) * len(rows_theirs), 2), np.int64)
+    alike = _find_alike_headings(turned, rows_theirs, float(pose[2]), config.limits, near)
+    assert found <= _most_pairs(rows_mine, rows_theirs, near[:alike], pose, config.limits)
 
 
 def test_joined_keeps_one_of_each_and_the_newer_unless_it_shows_much_less():

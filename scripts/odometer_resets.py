@@ -1,0 +1,118 @@
+"""What resets of the odometer, put into logs, cost the mappers, as a table.
+
+    python scripts/odometer_resets.py FOLDER [--log NAME]… [--mapper NAME]… [--scans N] [--out FILE]
+
+In each run the odometer jumps once, by a length and in a random direction, with or without a random
+turn, before one of `--scans` random scans of a log of the data folder, or of a robot that explores
+a simulated world. The difference of the ATE to that of the log as recorded is told.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from albot_cli.explored_logs import Exploration, explore
+from albot_cli.main import exit_status
+from albot_cli.map_report import run_mapper
+from albot_cli.path_type import PathType
+from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import Trajectory
+from albot_core.files import write_text
+from albot_core.logs.disturbed import with_reset
+from albot_core.logs.log import Log
+from disturbed_logs import LOGS, ate, known_log
+
+WORLDS = {"office": "random:office:7", "apartment": "random:apartment:7"}
+"""Simulated worlds, which a robot explores for `STEPS` steps of 0.1 s."""
+STEPS = 1500
+JUMPS = (1.0, 3.0, 4.0, 10.0, 30.0)
+"""Lengths of the jumps (m)."""
+MAPPERS = (
+    "albot1", "albot1-tracked", "albot1-thesis", "association", "ratslam", "graph-slam",
+    "scan-matching", "gmapping", "odometry",
+)  # fmt: skip
+"""The mappers that are measured by default."""
+_EDGE = 5
+"""Number of scans at either end of a log before which the odometer does not jump."""
+
+
+def any_log(folder: Path, name: str) -> tuple[Log, Trajectory]:
+    """A log of the data folder or of a simulated world, and where its robot was."""
+    if name in LOGS:
+        return known_log(folder, name)
+    log = explore(
+        Exploration(world=WORLDS[name], seed=7, agent="gap-explorer", steps=STEPS, sensors={})
+    )
+    assert log.reference_trajectory is not None
+    return log, log.reference_trajectory
+
+
+def measure(log: Log, truth: Trajectory, mapper: str, scans: int) -> list[dict[str, Any]]:
+    """A row a length: the differences of the ATE (m), and in how many runs the jump was told."""
+
+    def error(of: Log) -> float:
+        run = run_mapper(mapper, None, of, lambda _: None, rng=np.random.default_rng(0))
+        return ate(run.corrected or run.believed, truth, of)
+
+    undisturbed, rng, rows = error(log), np.random.default_rng(0), []
+    for length in JUMPS:
+        differences, found = [], 0
+        for turns in (False, True):
+            for scan in rng.integers(_EDGE, len(log.stamps) - _EDGE, scans).tolist():
+                way, turn = rng.uniform(-math.pi, math.pi, 2)
+                jump = np.array((length * math.cos(way), length * math.sin(way), turn * turns))
+                wrong = with_reset(log, scan, jump)
+                differences.append(error(wrong) - undisturbed)
+                found += [reset.scan for reset in wrong.resets] == [scan]
+        rows.append({"jump_m": length, "differences_m": differences, "found": found})
+    return rows
+
+
+def table(measured: dict[str, dict[str, list[dict[str, Any]]]]) -> str:
+    """The figures as a table in Markdown: the largest difference, and how many jumps were told."""
+    lines = [
+        f"| log | mapper | {' | '.join(f'{length:g} m' for length in JUMPS)} |",
+        "|---|---|" + "---:|" * len(JUMPS),
+    ]
+    for name, mappers in measured.items():
+        for mapper, rows in mappers.items():
+            cells = [
+                f"{max(row['differences_m'], key=abs):+.2f} m, "
+                f"{row['found']} of {len(row['differences_m'])}"
+                for row in rows
+            ]
+            lines.append(f"| {name} | {mapper} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+@click.command()
+@click.argument("folder", type=PathType())
+@click.option("--log", "names", multiple=True, type=click.Choice([*LOGS, *WORLDS]))
+@click.option("--mapper", "mappers", multiple=True, default=MAPPERS, show_default=True)
+@click.option("--scans", default=2, show_default=True, help="Scans a length, twice: with a turn.")
+@click.option("--out", type=PathType(), help="File for the table.")
+def main(
+    folder: Path, names: tuple[str, ...], mappers: tuple[str, ...], scans: int, out: Path | None
+) -> None:
+    """Put resets of the odometer into the logs in FOLDER and of simulated worlds, and map them."""
+    if scans < 1:
+        raise InputError("--scans", "a whole number from 1", str(scans))
+    measured: dict[str, dict[str, list[dict[str, Any]]]] = {}
+    for name in names or (*LOGS, *WORLDS):
+        log, truth = any_log(folder, name)
+        measured[name] = {}
+        for mapper in mappers:
+            measured[name][mapper] = measure(log, truth, mapper, scans)
+            click.echo(f"{name}: {mapper}", err=True)
+    click.echo(table(measured), nl=False)
+    if out is not None:
+        write_text(out, table(measured))
+
+
+if __name__ == "__main__":
+    exit_status(main)
