@@ -14,7 +14,7 @@ from tests.agents.training.tiny import begun
 Trained = tuple[RunFolder, TrainingPlan, TrainingRun, dict[str, Any]]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Trained:
     """Folder, plan, the run, and what came of it."""
     folder, plan = begun(tmp_path_factory.mktemp("trained"))

@@ -1,0 +1,92 @@
+"""Runs pytest again and again in processes that have the libraries loaded, the nearest tests first.
+
+    python scripts/fault_runs.py
+
+takes a job on each line of the standard input, and writes what came of it on a line: both JSON. A
+job is pytest's arguments, the files of tests in their order, the file that its output goes to, and
+after how much processor time the tests that passed are enough.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import resource
+import sys
+import time
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+
+NOTHING_FOUND = 77
+"""The exit status of a run that was ended, as what passed is enough."""
+ENDLESS = 300
+"""Processor time after which what still runs will not end (s)."""
+# No plugin of pytest is among them: it complains of plugins that it finds loaded.
+_LIBRARIES = (
+    "numba", "llvmlite", "scipy.ndimage", "scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial",
+    "shapely", "networkx", "yaml", "jsonschema", "mcap.reader", "mcap.writer",
+    "beartype", "gymnasium", "pymunk", "click", "PIL.Image", "matplotlib.figure",
+    "torch", "stable_baselines3", "sb3_contrib",
+)  # fmt: skip
+
+
+class _Order:
+    """The plugin of one run."""
+
+    def __init__(self, tests: list[str], seconds: float) -> None:
+        self._tests, self._seconds = tests, seconds
+        self._began: float | None = None
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(
+        self, config: pytest.Config, items: list[pytest.Item]
+    ) -> None:
+        """Put the tests in the order of their files."""
+        places = {config.rootpath / name: place for place, name in enumerate(self._tests)}
+        items.sort(key=lambda item: places.get(item.path, len(places)))
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """End the run between two tests, counting from the first, which compiles most."""
+        if report.when != "teardown":
+            return
+        if self._began is None:
+            self._began = time.process_time()
+        if time.process_time() - self._began > self._seconds:
+            pytest.exit("nothing found", NOTHING_FOUND)
+
+
+def _run(job: dict[str, Any]) -> NoReturn:
+    """Run the tests of a job in this process, and end it."""
+    resource.setrlimit(resource.RLIMIT_CPU, (ENDLESS, ENDLESS))
+    output = os.open(job["output"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for place, stream in enumerate((nothing, output, output)):
+        os.dup2(stream, place)
+    status: int = pytest.main(job["arguments"], plugins=[_Order(job["tests"], job["seconds"])])
+    sys.stdout.flush()
+    os._exit(status)
+
+
+def main() -> None:
+    """Run the jobs."""
+    for name in _LIBRARIES:
+        importlib.import_module(name)
+    sys.path[0] = str(Path.cwd())
+    for line in sys.stdin:
+        process = os.fork()
+        if process == 0:
+            _run(json.loads(line))
+        _, status, used = os.wait4(process, 0)
+        result = {
+            "status": os.waitstatus_to_exitcode(status),
+            "seconds": round(used.ru_utime + used.ru_stime, 1),
+        }
+        sys.stdout.write(json.dumps(result) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
