@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import inspect
+import json
 import math
 import pkgutil
 from collections.abc import Iterator
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -31,6 +33,8 @@ from albot_maps.generators.parameters import Parameters
 from albot_maps.movables import Box, Door, Walker
 
 ORIGIN = np.zeros(3)
+DEFAULTS = Path(__file__).with_name("defaults.json")
+"""All defaults. `python -m tests.test_configurations` writes them."""
 EXAMPLES: tuple[Any, ...] = (
     NetworkConfig(inputs=3, layers=(4,), activation="tanh", outputs=2),
     AnswerActionConfig(most=3),
@@ -96,3 +100,41 @@ def test_what_is_no_number_is_refused_by_the_fields_name(
         told = f"{refused.value.source}, {refused.value.place}"
         assert name in told, told
         assert refused.value.found in (str(wrong), repr(wrong))
+
+
+def _defaults() -> dict[str, Any]:
+    """The default of each setting that has one, in plain data, by its name."""
+    found: dict[str, Any] = {}
+    for kind in _kinds():
+        for field in dataclasses.fields(kind):
+            if field.default is not dataclasses.MISSING:
+                found |= _plain(f"{kind.__name__}.{field.name}", field.default)
+            elif field.default_factory is not dataclasses.MISSING:
+                found |= _plain(f"{kind.__name__}.{field.name}", field.default_factory())
+    return found
+
+
+def _plain(name: str, value: Any) -> dict[str, Any]:
+    if dataclasses.is_dataclass(value):
+        parts = ((field.name, getattr(value, field.name)) for field in dataclasses.fields(value))
+        return {
+            key: of for part, inner in parts for key, of in _plain(f"{name}.{part}", inner).items()
+        }
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    return {name: json.loads(json.dumps(value, default=str))}
+
+
+def test_defaults_are_those_that_figures_were_measured_with() -> None:
+    """Whoever changes one measures again what the documents say, and then writes them anew."""
+    kept, found = json.loads(DEFAULTS.read_text(encoding="utf-8")), _defaults()
+    changed = {
+        name: (kept.get(name), found.get(name))
+        for name in kept.keys() | found.keys()
+        if name not in kept or name not in found or kept[name] != found[name]
+    }
+    assert not changed
+
+
+if __name__ == "__main__":
+    DEFAULTS.write_text(json.dumps(_defaults(), indent=1, sort_keys=True) + "\n", encoding="utf-8")

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from albot_maps import World, load_world
+from albot_maps import Exit, Room, World, load_world
 from albot_maps.freespace import wall_lines
 from albot_maps.same_place import DOORWAY, NEAR, same_places
 
@@ -65,3 +65,33 @@ def test_by_hand(one: tuple[float, float], other: tuple[float, float], same: boo
     two_rooms = World(name="two-rooms", walls=walls, starts=np.array(((2.0, 2.0, 0.0),)))
     rooms = np.array([int(x > 5) for x, _ in (one, other)])
     assert same_places(two_rooms, np.array((one, other)), rooms)[0, 1] == same
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ((2.0, 1.0), (4.0, 1.0), True),  # Nothing between.
+        ((2.0, 1.0), (8.0, 1.0), False),  # The wall.
+        ((4.8, 1.0), (5.2, 1.0), False),  # The wall, though near.
+        ((4.0, 2.0), (6.0, 2.0), False),  # The doorway.
+        ((4.8, 2.0), (5.2, 2.0), True),  # The doorway, but near.
+    ],
+)
+def test_outside_all_rooms_only_walls_and_doorways_part(
+    one: tuple[float, float], other: tuple[float, float], same: bool
+) -> None:
+    """That both are in no room makes them no more the same place than if they were in two."""
+    walls = np.array([[0, 0, 10, 0], [10, 0, 10, 4], [10, 4, 0, 4], [0, 4, 0, 0], *MIDDLE], float)
+    outlines = {"west": (0, 5), "east": (5, 10)}
+    world = World(
+        name="two-rooms",
+        walls=walls,
+        starts=np.array(((2.0, 2.0, 0.0),)),
+        rooms=tuple(
+            Room(name=name, boundary=np.array(((x0, 0), (x1, 0), (x1, 4), (x0, 4)), float))
+            for name, (x0, x1) in outlines.items()
+        ),
+        exits=(Exit(name="door", segment=np.array((5, 1.5, 5, 2.5)), rooms=("west", "east")),),
+    )
+    outside = np.array((-1, -1))
+    assert same_places(world, np.array((one, other)), outside)[0, 1] == same

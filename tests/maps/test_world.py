@@ -160,6 +160,19 @@ def test_a_room_is_reachable_only_where_the_robot_stands_wholly_inside():
         make(walls=with_wall(3.45, 0, 3.45, 4))
 
 
+def test_rooms_that_are_walled_off_are_not_among_the_reachable_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They would count as rooms that the robot has not entered, if a world could have them."""
+    assert make().reachable_rooms == (WEST, EAST)
+    monkeypatch.setattr(World, "_check_reachability", lambda _: None)
+    assert make(walls=SHUT, exits=()).reachable_rooms == (WEST,)
+    assert make(walls=SHUT, exits=(), starts=np.array([[5.0, 1, 0]])).reachable_rooms == (EAST,)
+    # Nor those whose doorway is too narrow for the robot.
+    narrow = np.concatenate((SQUARE, [[3.0, 0, 3, 1.9], [3, 2.1, 3, 4]]))
+    assert make(walls=narrow, exits=()).reachable_rooms == (WEST,)
+
+
 def test_nothing_in_a_world_can_be_changed():
     walls = DIVIDED.copy()
     world = make(walls=walls, tours={"t": np.array([[1.0, 1], [2, 2]])})

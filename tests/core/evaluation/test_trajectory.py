@@ -1,4 +1,4 @@
-"""TODO."""
+"""Errors of trajectories, in closed form and by laws."""
 
 from __future__ import annotations
 
@@ -121,6 +121,22 @@ def test_the_frames_joined_where_both_begin():
     assert trajectory_error(mine, theirs).rmse == pytest.approx(0.1 * np.std(stamps))
     later = Trajectory(stamps=stamps + 100.0, poses=truth)
     assert trajectory_error(mine, later, align=alignment_at_start) is None
+
+
+def test_the_first_common_moment_joins_the_frames():
+    """What came before the reference began, and a reference from before the robot set out."""
+    moments = np.arange(10.0)
+    truth = np.stack((3 + moments, 0.1 * moments**2, 0.3 * moments), axis=-1)
+    frame = np.array((4.0, -1.0, 2.0))
+    believed = np.array([relative(frame, pose) for pose in truth])
+    off = believed + np.array((0.5, 0.0, 0.4))  # It was elsewhere, and looked elsewhere, before…
+    for early, late in ((4, 0), (0, 4)):
+        given = believed.copy()
+        given[:early] = off[:early]
+        mine = Trajectory(stamps=moments[late:], poses=given[late:])
+        theirs = Trajectory(stamps=moments[early:], poses=truth[early:])
+        np.testing.assert_allclose(alignment_at_start(mine, theirs), frame, atol=1e-9)
+        assert trajectory_error(mine, theirs, align=alignment_at_start).rmse < 1e-9
 
 
 def test_moments_are_paired_by_stamp():

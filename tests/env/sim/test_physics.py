@@ -124,3 +124,17 @@ def test_no_robot_gets_through_a_wall(segments: int) -> None:
         assert (after < side).all()
         before = after
     assert bumps > LONG_DRIVE / 100
+
+
+@pytest.mark.parametrize("step", [0.005, 0.01])
+def test_wheels_that_slip_pull_and_turn_as_hard_as_they_grip(step: float) -> None:
+    """Friction is μ m g in all; each wheel has half, on a lever of half the wheel base."""
+    space = PhysicsSpace(np.empty((0, 4)), PIONEER_3DX)
+    space.place(0, (1.0, 2.0, 0.0))
+    body, wheels = space._robot_parts[0][0], space._wheels[0]
+    wheels.velocity, wheels.angular_velocity = (50.0, 0.0), 50.0
+    space.space.step(step)
+    friction = PIONEER_3DX.grip * PIONEER_3DX.mass * 9.81
+    assert body.velocity.x == pytest.approx(friction / PIONEER_3DX.mass * step, rel=1e-3)
+    torque = friction * PIONEER_3DX.wheel_base / 2
+    assert body.angular_velocity == pytest.approx(torque / PIONEER_3DX.moment * step, rel=1e-3)

@@ -172,3 +172,27 @@ def test_what_is_behind_a_laser_is_passed_over_and_nothing_else(
         cover(ground, 0, np.array(pose), (np.cos(pose[2]), np.sin(pose[2])), looking, ranges)
         grids.append(ground.grids.copy())
     np.testing.assert_array_equal(*grids)
+
+
+@pytest.mark.parametrize(
+    "mount", [(0.6, 0.0, 0.0), (0.0, -0.9, 0.0), (0.3, 0.5, 1.2), (-0.4, 0.2, -2.9)]
+)
+def test_a_laser_mounted_aside_covers_what_it_sees_from_there(
+    mount: tuple[float, float, float],
+) -> None:
+    """The slow way: half a disc about the laser, open to where it looks."""
+    x, y, heading = pose = (0.3, -0.2, 1.0)
+    geometry = LaserGeometry(mount=mount)
+    coverage = Coverage(CoverageConfig(cell=0.05), 5.0)
+    coverage.add(np.array(pose), LaserScan(ranges=np.full(181, np.inf), geometry=geometry))
+    eye = complex(x, y) + complex(*mount[:2]) * np.exp(1j * heading)
+    facing = np.exp(1j * (heading + mount[2]))
+    checked = 0
+    for east, north in np.random.default_rng(1).uniform(-3, 3, (2000, 2)):
+        seen = (complex(east, north) - eye) / facing
+        if abs(abs(seen) - CONFIG.radius) < 0.1 or abs(seen.real) < 0.1:
+            continue
+        wanted = abs(seen) < CONFIG.radius and seen.real > 0
+        assert is_covered(coverage.ground, 0, east, north) == wanted
+        checked += wanted
+    assert checked > 200

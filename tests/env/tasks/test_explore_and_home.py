@@ -194,6 +194,26 @@ def test_the_way_back_counts_from_the_farthest_point(two_rooms: World) -> None:
     assert info["spl"] == pytest.approx(farthest / info["farthest_distance_home"], abs=0.15)
 
 
+def test_a_detour_counts_in_the_share_of_the_way_back_too(two_rooms: World) -> None:
+    env = _make(two_rooms, share=0.0, shortest=60.0, longest=60.0)
+    env.reset(seed=1, options={"start": 0})
+    for _ in range(30):
+        env.step(AHEAD)
+    for _ in range(30):  # Until the wheels stand still.
+        info = env.step(STILL)[4]
+    farthest, places = info["farthest_distance_home"], [info["pose"][:2]]
+    for speed in (-1, 0.6, -1, 0.6, -1):
+        for _ in range(20):
+            info = env.step(np.array((speed, 0, -1), np.float32))[4]
+            places.append(info["pose"][:2])
+    driven = np.hypot(*np.diff(places, axis=0).T).sum()
+    assert info["farthest_distance_home"] == farthest
+    back = 1 - info["distance_home"] / farthest
+    assert driven > 1.2 * farthest
+    assert back > 0.2
+    assert info["soft_spl"] == pytest.approx(back * farthest / driven, rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("wrong", "found"),
     [

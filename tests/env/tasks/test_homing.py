@@ -149,6 +149,26 @@ def test_the_way_counts_from_where_the_agent_begins(two_rooms: World) -> None:
     assert info["soft_spl"] == pytest.approx(covered * detour)
 
 
+def test_a_detour_counts_in_the_share_of_the_way_too(two_rooms: World) -> None:
+    env = _make(two_rooms, config=FAR)
+    _, info = env.reset(seed=4)
+    initial = info["initial_distance_home"]
+    for _ in range(400):
+        if info["way_driven"] > 1.5 * initial:
+            break
+        # Home until it is near, then round in circles.
+        to = info["next_turn_home"] - info["pose"][:2]
+        bearing = np.arctan2(to[1], to[0]) - info["pose"][2]
+        turn = np.clip(np.arctan2(np.sin(bearing), np.cos(bearing)), -1, 1)
+        near = info["distance_home"] < 1.0
+        action = (0.5, 1.0) if near else (np.cos(bearing) > 0.8, turn)
+        info = env.step(np.array((*action, -1), np.float32))[4]
+    covered = 1 - info["distance_home"] / initial
+    assert info["way_driven"] > 1.5 * initial
+    assert covered > 0.4
+    assert info["soft_spl"] == pytest.approx(covered * initial / info["way_driven"])
+
+
 def test_where_home_is_in_sight_it_is_as_far_as_the_crow_flies(two_rooms: World) -> None:
     env = _make(two_rooms, config=STROLL)
     _, info = env.reset(seed=4)

@@ -88,6 +88,18 @@ def test_small_gaps_are_closed_and_large_ones_are_distant_surfaces(width, is_clo
     assert steps.walled[:, 1].all()
 
 
+@pytest.mark.parametrize(("gap", "is_closed"), [(1.0, True), (0.6, False)])
+def test_a_gap_that_is_most_of_a_step_is_closed_where_it_is_small(gap, is_closed):
+    """One of 0.8 m in a step of 1 m: the median of the step's cells alone would be the gap's."""
+    left = np.array(((-5.0, 1.0, 2.1, 1.0), (2.9, 1.0, 20.0, 1.0)))
+    (steps,) = led(
+        driven((0, 0), (5.0, 0)), np.concatenate((left, CORRIDOR[1:])), longest=9.0, step=1.0,
+        gap=gap,
+    )  # fmt: skip
+    assert steps.walled[:, 0].tolist() == [True, True, is_closed, True, True]
+    np.testing.assert_allclose(steps.widths[2, 0], 1.0 if is_closed else SONAR.max_range)
+
+
 def test_a_missed_echo_and_a_false_one_change_nothing():
     way = driven((0, 0), (2.5, 0))
     scans = [sonar_from(pose, CORRIDOR) for pose in way]

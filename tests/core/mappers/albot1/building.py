@@ -111,7 +111,8 @@ def check_links(network: PlaceNetwork) -> None:
             partner = network.places[door.leads_to].exits[door.exit_there]
             assert (partner.leads_to, partner.exit_there) == (key, index)
     assert network.current in network.places
-    assert network.visits[-1] == network.current
+    assert network.visits[-1] == network.stays[-1][1] == network.current
     assert set(network.visits[1:]) <= network.places.keys()
+    assert {place for _, place in network.stays} <= network.places.keys()
     assert len(network.visit_transforms) == len(network.visits)
     assert network.next_id > max(network.places)

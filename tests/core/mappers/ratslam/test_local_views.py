@@ -39,12 +39,13 @@ def test_links_follow_the_maximum_rule_and_wait():
     links.learn(1.0 + CONFIG.learning_delay - 0.1)
     assert not links.has_links(0)
     links.learn(1.0 + CONFIG.learning_delay + 0.1)
-    links.remember(0, cells, np.array((0.4, 0.3)), 2.0)
+    links.remember(0, cells, np.array((0.5, 0.3)), 2.0)
     links.learn(100.0)
     found, amounts = links.injection(0, 1.0)
     order = np.argsort(found)
     np.testing.assert_array_equal(found[order], (4, 9))
-    np.testing.assert_allclose(amounts[order], CONFIG.injection * np.array((0.4, 0.6)))
+    # Together they are the injection: the less of each would be 2 to 3.
+    np.testing.assert_allclose(amounts[order], CONFIG.injection * np.array((5, 6)) / 11)
     np.testing.assert_array_equal(links.linked(3), (True, False, False))
 
 

@@ -44,6 +44,13 @@ def test_the_hypotheses_compete_with_each_other_and_with_unknown_ground():
     assert weighed(()) == ()
 
 
+def test_odds_beyond_all_numbers_are_certain():
+    """Of a thousand walls met: their odds are no floating-point number any more."""
+    told = [one.probability for one in weighed([hypothesis(2000), hypothesis(3)])]
+    assert told == [1.0, 0.0]
+    assert probability(hypothesis(0, 0.0, 1.0, 10_000)) == 0.0
+
+
 def test_what_two_places_explain_alike_is_believed_of_neither():
     assert probability(hypothesis(30)) > PlacesConfig().min_probability
     assert probability(hypothesis(30), hypothesis(30)) == pytest.approx(0.5)

@@ -135,6 +135,16 @@ def test_an_exit_that_two_places_share_makes_one_of_what_it_leads_to():
     assert walker.network.visits == [-1, 0, 1, 2, 3, 0, 1, 2]
 
 
+def test_readings_of_a_place_that_was_another_are_readings_of_that_one():
+    walker = Walker()
+    for reading, room in enumerate(RING, start=1):
+        walker.network.reading = 10 * reading
+        walker.go(room)
+    assert [walker.network.place_at(reading) for reading in (5, 15, 25, 35, 45)] == [0, 1, 2, 3, 4]
+    assert walker.recognize()
+    assert [walker.network.place_at(reading) for reading in (5, 15, 25, 35, 45)] == [0, 1, 2, 3, 0]
+
+
 def test_one_door_learned_twice_becomes_one_exit():
     # A map that drifts by more than is expected between two uses of one door has it twice.
     walker, jump = Walker(), np.array([0.0, 1.2, 0.0])
