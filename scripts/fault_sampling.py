@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import math
 import random
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -107,7 +109,7 @@ def draw_faults(seed: int, share: float) -> list[Fault]:
     for paths in folders.values():
         paths.sort(key=lambda path: _digest(seed, path))
         found = (fault for path in paths if (fault := _draw_fault(seed, path)) is not None)
-        faults += [fault for fault, _ in zip(found, range(-int(-share * len(paths) // 1)))]
+        faults += islice(found, math.ceil(share * len(paths)))
     return sorted(faults, key=lambda fault: (fault.path, fault.line))
 
 
@@ -163,29 +165,9 @@ class _Changes:
                 yield from self.of(keyword.value)
 
     def _changes(self, node: ast.AST) -> Iterator[_Change]:
+        yield from self._changes_of_operator(node)
+        yield from self._changes_of_value(node)
         match node:
-            case ast.Compare(left=left, ops=[op], comparators=[right]):
-                yield from self._operator("relational operator", _RELATIONS, left, op, right)
-                if _is_length(left) or _is_length(right):
-                    yield from self._operator("relational operator", _BORDERS, left, op, right)
-            case ast.BoolOp(op=op, values=[left, right, *_]):
-                words = {ast.And: ("and", "or"), ast.Or: ("or", "and")}
-                yield from self._operator("logical connector", words, left, op, right)
-            case ast.BinOp(left=left, op=op, right=right) if not (_is_text(left) or _is_text(right)):
-                yield from self._operator("arithmetic operator", _ARITHMETIC, left, op, right)
-                yield self._instead("operand deletion", node, f"({self._text(left)})")
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                yield self._instead("sign deletion", node, f"({self._text(operand)})")
-            case ast.UnaryOp(op=ast.Not(), operand=operand):
-                yield self._instead("negation", node, f"bool({self._text(operand)})")
-            case ast.Constant(value=value) if self._has_figures and _is_number(value):
-                other = repr(2 * value or 1.0) if isinstance(value, float) else str(value + 1)
-                yield self._instead("constant", node, other)
-            case ast.Name(id=name) if name in _OTHER:
-                yield self._instead("function", node, _OTHER[name])
-            case ast.Attribute(attr=name) if name in _OTHER:
-                end = _end(node)
-                yield _Change("function", node.lineno, end - len(name), end, _OTHER[name])
             case ast.Call():
                 yield from self._changes_of_call(node)
             case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test):
@@ -198,6 +180,35 @@ class _Changes:
             ):
                 yield self._instead("statement deletion", node, "pass")
 
+    def _changes_of_operator(self, node: ast.AST) -> Iterator[_Change]:
+        match node:
+            case ast.Compare(left=left, ops=[op], comparators=[right]):
+                yield from self._operator("relational operator", _RELATIONS, left, op, right)
+                if _is_length(left) or _is_length(right):
+                    yield from self._operator("relational operator", _BORDERS, left, op, right)
+            case ast.BoolOp(op=op, values=[left, right, *_]):
+                words = {ast.And: ("and", "or"), ast.Or: ("or", "and")}
+                yield from self._operator("logical connector", words, left, op, right)
+            case ast.BinOp(left=left, op=op, right=right):
+                if not (_is_text(left) or _is_text(right)):
+                    yield from self._operator("arithmetic operator", _ARITHMETIC, left, op, right)
+                    yield self._instead("operand deletion", node, f"({self._text(left)})")
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                yield self._instead("sign deletion", node, f"({self._text(operand)})")
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                yield self._instead("negation", node, f"bool({self._text(operand)})")
+
+    def _changes_of_value(self, node: ast.AST) -> Iterator[_Change]:
+        match node:
+            case ast.Constant(value=value) if self._has_figures and _is_number(value):
+                other = repr(2 * value or 1.0) if isinstance(value, float) else str(value + 1)
+                yield self._instead("constant", node, other)
+            case ast.Name(id=name) if name in _OTHER:
+                yield self._instead("function", node, _OTHER[name])
+            case ast.Attribute(attr=name) if name in _OTHER:
+                end = _end(node)
+                yield _Change("function", node.lineno, end - len(name), end, _OTHER[name])
+
     def _changes_of_call(self, node: ast.Call) -> Iterator[_Change]:
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         if name == "abs" and len(node.args) == 1:
@@ -208,9 +219,7 @@ class _Changes:
             if name not in _SYMMETRIC and not starred and texts[0] != texts[1]:
                 between = self._lines[node.lineno - 1][one.end_col_offset : other.col_offset]
                 text = f"{texts[1]}{between.decode()}{texts[0]}"
-                yield _Change(
-                    "argument swap", node.lineno, one.col_offset, _end(other), text
-                )
+                yield _Change("argument swap", node.lineno, one.col_offset, _end(other), text)
         for keyword in node.keywords:
             line = self._lines[keyword.lineno - 1]
             before = line[: keyword.col_offset].rstrip()
@@ -224,7 +233,12 @@ class _Changes:
             yield _Change("argument deletion", keyword.lineno, start, end, "")
 
     def _operator(
-        self, kind: str, table: dict[type, tuple[str, str]], left: ast.expr, op: ast.AST, right: ast.expr
+        self,
+        kind: str,
+        table: Mapping[type, tuple[str, str]],
+        left: ast.expr,
+        op: ast.AST,
+        right: ast.expr,
     ) -> Iterator[_Change]:
         if type(op) not in table:
             return

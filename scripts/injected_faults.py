@@ -1,11 +1,4 @@
-"""The section on injected faults: how many one-line faults the tests of their rooms see.
-
-    python scripts/injected_faults.py FILE [--number N]... [--missed] [--seconds S]
-
-writes what came of each fault into FILE as it goes, and goes on where it stopped; `--number`
-and `--missed` try some of them again, the latter those that were not seen. Each fault is put into a
-copy of the project, alone, and the tests nearest to its module run there until one fails.
-"""
+"""The section on injected faults: how many one-line faults the tests of their rooms see."""
 
 from __future__ import annotations
 
@@ -19,18 +12,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
+from queue import Queue
 from typing import Any
 
-import click
-
-from albot_cli.main import exit_status
-from albot_cli.path_type import PathType
 from albot_cli.progress import progress
-from albot_core.files import write_text
 from albot_core.kernels import compiled
 from fault_runs import NOTHING_FOUND
 from fault_sampling import FOLDERS, ROOT, Fault, draw_faults
@@ -100,8 +90,8 @@ def _reached(path: Path) -> dict[Path, int]:
 def tests_of(path: str) -> list[str]:
     """Return the files of tests that reach a module, the nearest first.
 
-    That of the module's own name in the mirrored folder comes first; then those that import it; then
-    others, those of its folder first.
+    That of the module's own name in the mirrored folder comes first; then those that import it;
+    then others, those of its folder first.
     """
     module = ROOT / path
     folder = _mirror(module)
@@ -138,7 +128,7 @@ class Copy:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        folder.mkdir()
+        folder.mkdir(parents=True)
         for name in _COPIED:
             shutil.copytree(ROOT / name, folder / name)
         for path in ROOT.iterdir():
@@ -174,7 +164,8 @@ class Copy:
             passed = re.findall(r"(\d+) passed", output)
             found = {"outcome": MISSED, "passed": int(passed[-1]) if passed else 0}
         else:
-            assert failed or status < 0, output
+            if not failed and status >= 0:
+                raise RuntimeError(f"{fault}: {output}")
             found = {"outcome": SEEN, "by": failed[0] if failed else "the time that it takes"}
         return found | {"seconds": result["seconds"]}
 
@@ -246,39 +237,113 @@ class Copy:
                 yield path, (of.st_mtime_ns, of.st_size)
 
 
-# The command.
+# The section.
 
 
-@click.command()
-@click.argument("out", type=PathType(dir_okay=False))
-@click.option("--number", "numbers", multiple=True, type=int, help="Try these again.")
-@click.option("--missed", is_flag=True, help="Try those again that were not seen.")
-@click.option("--seconds", default=SECONDS, show_default=True, help="Processor time for each.")
-def main(out: Path, numbers: tuple[int, ...], missed: bool, seconds: float) -> None:
-    """Inject faults, and write what came of them."""
-    os.nice(10)
-    found = json.loads(out.read_text(encoding="utf-8")) if out.exists() else {}
-    faults = draw_faults(SEED, SHARE)
-    wanted = set(numbers) or {
-        number
-        for number in range(len(faults))
-        if str(number) not in found or (missed and found[str(number)]["outcome"] == MISSED)
+def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any]:
+    """Inject this share of the faults that are left, in so many processes.
+
+    What was found before stays for the faults that are the same and were seen, and what was found
+    so far after an interrupt.
+
+    Raises:
+        RuntimeError: A test that saw a fault fails without one.
+    """
+    faults = {fault.path: fault for fault in draw_faults(SEED, SHARE)}
+    kept = before.get("faults", {})
+    found = {
+        path: asdict(fault) | {key: kept[path][key] for key in _OUTCOME if key in kept[path]}
+        for path, fault in faults.items()
+        if path in kept and (kept[path]["old"], kept[path]["new"]) == (fault.old, fault.new)
     }
+    left = [path for path in faults if found.get(path, {}).get("outcome") != SEEN]
+    # In no order, so that those that are done are a sample at any time.
+    left = random.Random(SEED).sample(left, math.ceil(share * len(left)))
+    copies: Queue[Copy] = Queue()
     with (
         tempfile.TemporaryDirectory() as folder,
-        progress("injected faults", len(wanted), "faults") as update,
+        ThreadPoolExecutor(jobs) as pool,
+        progress("injected faults", len(left), "faults") as update,
     ):
-        copy = Copy(Path(folder) / "copy")
-        # In no order, so that those that are done are a sample at any time.
-        order = random.Random(SEED).sample(sorted(wanted), len(wanted))
-        for done, number in enumerate(order):
-            fault = faults[number]
-            result = copy.run(fault, tests_of(fault.path), seconds)
-            found[str(number)] = asdict(fault) | result
-            write_text(out, json.dumps(found, indent=1) + "\n")
-            update(done + 1)
-        copy.close()
+        for number in range(jobs):
+            copies.put(Copy(Path(folder) / str(number) / "copy"))
+
+        def work(path: str) -> None:
+            copy = copies.get()
+            found[path] = asdict(faults[path]) | copy.run(faults[path], tests_of(path), SECONDS)
+            copies.put(copy)
+
+        try:
+            for done, _ in enumerate(pool.map(work, left), start=1):
+                update(done)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+        copy = copies.get()
+        seen_by = {each["by"] for each in found.values() if "::" in each.get("by", "")}
+        wrong = copy.failing(seen_by)
+        copies.put(copy)
+        while not copies.empty():
+            copies.get().close()
+    if wrong:
+        raise RuntimeError(f"tests that fail without a fault: {', '.join(wrong)}")
+    ordered = {path: found[path] for path in sorted(found)}
+    return {"seed": SEED, "first": before.get("first"), "faults": ordered}
 
 
-if __name__ == "__main__":
-    exit_status(main)
+def render(figures: Mapping[str, Any]) -> Iterable[str]:
+    """The section's lines."""
+    faults = list(figures["faults"].values())
+    equal = [fault for fault in faults if _reason(fault) is not None]
+    counted = [fault for fault in faults if _reason(fault) is None]
+    seen = [fault for fault in counted if fault["outcome"] == SEEN]
+    yield from ("## Faults put in by hand", "", *_INTRODUCTION.splitlines(), "")
+    yield (
+        f"Of {len(faults)} faults (seed {figures['seed']}) {len(equal)} change nothing that comes "
+        f"out; of the other {len(counted)} the tests see {len(seen)}, "
+        f"{len(seen) / max(len(counted), 1):.1%}."
+    )
+    first = figures.get("first")
+    if first:
+        yield (
+            f"Before there were tests for those that were not seen it was {first['seen']} of "
+            f"{first['tried']}."
+        )
+    yield from ("", "| operator | faults | seen |", "|---|---|---|")
+    for kind in sorted({fault["kind"] for fault in counted}):
+        of_kind = [fault for fault in counted if fault["kind"] == kind]
+        yield f"| {kind} | {len(of_kind)} | {sum(each in seen for each in of_kind)} |"
+    missed = [fault for fault in counted if fault["outcome"] == MISSED]
+    if missed:
+        yield from ("", "Not seen:", "")
+        yield from (_told(fault, UNSEEN.get(fault["path"], "")) for fault in missed)
+    if equal:
+        yield from ("", "Change nothing that comes out:", "")
+        yield from (_told(fault, _reason(fault) or "") for fault in equal)
+
+
+def _reason(fault: Mapping[str, Any]) -> str | None:
+    """Why a fault that was not seen is none; None if it is one."""
+    return EQUAL.get((fault["path"], fault["new"].strip())) if fault["outcome"] == MISSED else None
+
+
+def _told(fault: Mapping[str, Any], why: str) -> str:
+    place = f"`{fault['path']}`, line {fault['line']}"
+    told = f"- {place}: `{fault['old'].strip()}` → `{fault['new'].strip()}`"
+    return f"{told}: {why}" if why else told
+
+
+_OUTCOME = ("outcome", "by", "passed", "seconds")
+EQUAL: Mapping[tuple[str, str], str] = {}
+"""Faults that change nothing that comes out, by module and changed line, and why."""
+UNSEEN: Mapping[str, str] = {}
+"""Why a fault of a module is not seen."""
+_INTRODUCTION = f"""\
+One line of a module is made wrong, in a copy of the project, and the tests nearest to the module
+run until one fails: its own, those that import it, then others, for {SECONDS:.0f} s of processor
+time after the first. {SHARE:.0%} of the modules of every folder of `albot_core`, `albot_maps`,
+`albot_env`, `albot_agents` and `albot_cli` get one fault each. Its kind is drawn from the operators
+of mutation testing, its place from those where the module can have it, both by a seed
+(`scripts/fault_sampling.py`). Left out by rule: errors and assertions, texts, types, the constants
+of pictures, statements that only tidy up or tell, and arguments that only guard against another's
+fault. A test that sees a fault must pass without it. Programs that keep all faults beside the code
+cannot be used here: compiled kernels are made from whole files."""

@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 import fuzzing
+import injected_faults
 import interruptions
 from albot_cli.main import exit_status
 from albot_cli.path_type import PathType
@@ -31,16 +32,22 @@ Figures = Mapping[str, Any]
 class Section:
     """A section of the page."""
 
-    measure: Callable[[float, int], Figures]
-    """Takes the share of the whole that is to be measured, and how many processes work at a time;
-    what it returns can be written as JSON."""
+    measure: Callable[[float, int, Figures], Figures]
+    """Takes the share of the whole that is to be measured, how many processes work at a time, and
+    the figures before; what it returns can be written as JSON."""
     render: Callable[[Figures], Iterable[str]]
     """The section's lines, of the figures."""
 
 
 SECTIONS: Mapping[str, Section] = {
-    "interruptions": Section(measure=interruptions.measure, render=interruptions.render),
-    "fuzzing": Section(measure=fuzzing.measure, render=fuzzing.render),
+    "interruptions": Section(
+        measure=lambda share, jobs, _: interruptions.measure(share, jobs),
+        render=interruptions.render,
+    ),
+    "fuzzing": Section(
+        measure=lambda share, jobs, _: fuzzing.measure(share, jobs), render=fuzzing.render
+    ),
+    "faults": Section(measure=injected_faults.measure, render=injected_faults.render),
 }
 """The sections by their names, in the order of the page."""
 _HEAD = """\
@@ -83,7 +90,9 @@ def main(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -
     kept = out.with_suffix(".json")
     figures = _read(kept)
     for name in sections or SECTIONS:
-        figures[name] = SECTIONS[name].measure(share, jobs or os.cpu_count() or 1)
+        figures[name] = SECTIONS[name].measure(
+            share, jobs or os.cpu_count() or 1, figures.get(name, {})
+        )
         write_text(kept, json.dumps(figures, indent=1) + "\n")
         told = [name for name in SECTIONS if name in figures]
         lines = [line for name in told for line in ("", *SECTIONS[name].render(figures[name]))]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from albot_core.geometry.poses import compose, relative
 from albot_core.matching.correlation import Window, correlate, covariance_around
 from albot_core.matching.likelihood_field import CERTAIN, FieldConfig, LikelihoodField
-from albot_core.matching.refinement import refine
+from albot_core.matching.refinement import _score_at, refine
 from albot_core.matching.scan_points import matched_points, surface_points
 from albot_core.sensing.reading import LaserScan
 from tests.core.mappers.slam.rooms import CORRIDOR, LASER, ROOM, scan_from
@@ -90,6 +90,39 @@ def test_the_refinement_ends_at_a_maximum():
         # Without iterations left it says what the score is there.
         there = refine(field, points[:, :], normals * 0.0, away, np.zeros(3), np.full(3, 1e12))
         assert there.response <= found.response + 1e-3
+
+
+def test_slopes_and_information_are_those_of_the_definition():
+    """By differences; and Σ w J Jᵀ, J how a point's distance from its wall changes with the pose."""
+    true, pose = np.array((0.4, -0.3, 0.2)), np.array((0.41, -0.31, 0.22))
+    config = FieldConfig()
+    field = field_of(true, ROOM, config)
+    arrays = (field.finest, field.corner, config.cell, config.sigma)
+    points, normals = matched_points(scan_from(true, ROOM), 12.0, 0.1)
+    normals[::7] = 0.0  # Unknown: half the information in every direction.
+
+    def score(at: np.ndarray, chosen: slice = slice(None)) -> tuple[float, np.ndarray, np.ndarray]:
+        gradient, matrix = np.zeros(3), np.zeros(6)
+        scan = points[chosen].copy(), normals[chosen].copy()
+        found = _score_at(arrays, scan, at, pose, NO_PRIOR, gradient, matrix)
+        return found, gradient, matrix
+
+    total, gradient, matrix = score(pose)
+    steps = 1e-6 * np.eye(3)
+    slopes = [(score(pose + step)[0] - score(pose - step)[0]) / 2e-6 for step in steps]
+    np.testing.assert_allclose(gradient, slopes, rtol=1e-3, atol=1e-3 * abs(np.array(slopes)).max())
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    turned = np.array(((cos, -sin), (sin, cos)))
+    expected, likelihoods = np.zeros((3, 3)), []
+    for k in range(len(points)):
+        likelihoods.append(score(pose, slice(k, k + 1))[0])
+        dx, dy = turned @ points[k]
+        normal = turned @ normals[k]
+        across = np.outer(normal, normal) if normal.any() else np.eye(2) / 2
+        moved = np.array(((1.0, 0.0, -dy), (0.0, 1.0, dx)))
+        expected += likelihoods[-1] / config.sigma**2 * moved.T @ across @ moved
+    assert total == pytest.approx(sum(likelihoods))
+    np.testing.assert_allclose(matrix, expected[np.triu_indices(3)], rtol=1e-9)
 
 
 def test_the_prior_pulls_where_the_scan_says_nothing():

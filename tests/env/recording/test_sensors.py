@@ -64,6 +64,10 @@ def moment(stamp: float, echoes: list[float] | None, scene: int | None) -> Momen
     )
 
 
+def test_nothing_moves_where_nothing_is_said_to() -> None:
+    assert moment(0.0, None, None).dynamic_obstacles.shape == (0, 4)
+
+
 def write(path: Path, header: EpisodeHeader, moments: Sequence[Moment]) -> EpisodeReader:
     writer = EpisodeWriter(path)
     writer.begin(header)

@@ -14,6 +14,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 from albot_core.errors import InputError
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+from albot_env.tasks.homing.task import HomingConfig
 from albot_env.vector.sb3 import BatchedVecEnv, make_batch, make_sb3
 
 ENVIRONMENT = "Albot/Explore-v0"
@@ -41,6 +43,19 @@ def test_an_episode_s_end_tells_how_it_ended_and_what_was_seen_last() -> None:
     assert infos[1]["reward_terms"] == info["reward_terms"]
     after, _ = single.reset()
     np.testing.assert_array_equal(observations[1], after)
+
+
+def test_who_ends_an_episode_at_its_last_step_has_not_run_out_of_time() -> None:
+    """Else a learner adds the value of what would have come."""
+    config = HomingConfig(outing=OutwardJourneyConfig(shortest=0.0, longest=0.0, away=0.0))
+    settings = SETTINGS | {"config": config, "max_episode_steps": 1}
+    env = make_batch("Albot/Homing-v0", 2, **settings)
+    env.seed(1)
+    env.reset()
+    _, _, dones, infos = env.step(np.array(((0, 0, 1), (0, 0, -1)), np.float32))
+    assert dones.all()
+    assert [info["declared"] for info in infos] == [True, False]
+    assert [info["TimeLimit.truncated"] for info in infos] == [False, True]
 
 
 @pytest.mark.parametrize(("form", "policy"), [("flat", "MlpPolicy"), ("dict", "MultiInputPolicy")])

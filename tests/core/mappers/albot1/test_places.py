@@ -169,6 +169,8 @@ def test_moving_the_whole_world_leaves_the_network_as_it_was():
         ("memory.counts", lambda a: a[:4]),
         ("places.visits", lambda a: a[[0, 1, 1, 2, 3, 4, 5][: len(a)]]),
         ("places.links", lambda a: a + 7),
+        ("view.pose", lambda a: a * np.nan),
+        ("view.surfaces", lambda a: a * np.inf),
     ],
 )
 def test_a_damaged_memory_is_refused_and_nothing_is_lost(noisy, name, damage):

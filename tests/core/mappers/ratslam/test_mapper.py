@@ -60,6 +60,18 @@ def test_a_loop_closes_under_a_bias(truth, degrees):
     assert np.ptp(mapper.experiences.poses[:, 2]) < 3 * np.pi
 
 
+def test_what_waits_to_be_learned_is_forgotten_where_it_is_relocalised(truth):
+    """It was learned about cells where the robot was not."""
+    mapper, relocalised = scenes(), 0
+    for reading in readings(truth[: 2 * len(truth) // LAPS], 0.05, np.random.default_rng(0)):
+        known = len(mapper.events)
+        mapper.update(reading)
+        if any(event.kind == RELOCALISED for event in mapper.events[known:]):
+            relocalised += 1
+            assert (mapper.state()["waiting_numbers"][:, 1] == mapper._position.way).all()
+    assert relocalised
+
+
 def test_the_map_stops_growing(truth):
     mapper, counts = scenes(), []
     rng = np.random.default_rng(0)

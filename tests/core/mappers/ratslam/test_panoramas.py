@@ -175,6 +175,11 @@ def test_a_state_that_no_mapper_made_is_refused():
         damaged[name][:] = wrong
         with pytest.raises(InputError):
             RatSlam(RatSlamConfig()).restore(damaged)
+    for column, name in enumerate(("view", "cell")):
+        damaged = {key: array.copy() for key, array in state.items()}
+        damaged["waiting"][-1, column] = 10**6
+        with pytest.raises(InputError, match=rf"waiting\.{name}"):
+            RatSlam(RatSlamConfig()).restore(damaged)
     fewer = {k: a[:-1] if k.startswith("templates") else a for k, a in state.items()}
     with pytest.raises(InputError, match="templates: expected one an experience"):
         RatSlam(RatSlamConfig()).restore(fewer)

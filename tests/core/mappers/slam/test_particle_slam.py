@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import relative
+from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.mapper import TRAVEL
 from albot_core.mappers.registry import make_mapper
 from albot_core.mappers.slam.beam_model import beam_tables
 from albot_core.mappers.slam.gmapping import GMappingConfig, Search, draw_poses
-from albot_core.mappers.slam.grid_slam import GridSlamConfig
+from albot_core.mappers.slam.grid_slam import GridSlamConfig, move_and_weigh
 from albot_core.mappers.slam.particles import Particles
 from albot_core.maps.layers import OccupancyGridLayer, ParticlesLayer
 from albot_core.matching.scan_points import matched_points
@@ -68,6 +68,27 @@ def _drawn(points: np.ndarray, deviations: np.ndarray, off: np.ndarray, **change
         true + off, deviations, noise, scores, logs, search, particles.poses, weights,
     )  # fmt: skip
     return particles.poses, weights, true
+
+
+def test_particles_move_by_the_motion_and_err_along_the_robots_own_axes():
+    config = GridSlamConfig(particles=3)
+    particles = Particles(3, config.grid)
+    particles.integrate(scan_from(np.zeros(3)))
+    particles.poses[:] = begun = np.array(((0.0, 0.0, 0.0), (0.1, -0.2, 1.2), (-0.1, 0.0, -2.5)))
+    points, _ = matched_points(scan_from(np.zeros(3)), 12.0, 0.1)
+    motion, errors = (
+        np.array((0.3, 0.1, 0.4)),
+        np.array(((0.2, 0, 0), (0, 0.1, 0), (0.1, 0.2, 0.3))),
+    )
+    weights = np.zeros(3)
+    _, logs = beam_tables(config.beams, config.grid.cell)
+    move_and_weigh(
+        particles.pool.arrays, particles.index, particles.corner, config.grid.cell, points,
+        motion, errors, logs, particles.poses, weights,
+    )  # fmt: skip
+    expected = compose(compose(begun, motion), errors)
+    np.testing.assert_allclose(particles.poses, expected, atol=1e-12)
+    assert np.isfinite(weights).all()
 
 
 def test_poses_are_drawn_where_the_scan_says():
