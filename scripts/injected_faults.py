@@ -122,6 +122,8 @@ def _mirror(module: Path) -> Path:
 class Copy:
     """A copy of the project, in which one fault stands at a time.
 
+    The project itself must stay as it is meanwhile.
+
     Args:
         folder: An empty folder.
     """

@@ -37,6 +37,14 @@ def test_a_walker_comes_by_all_its_waypoints_at_its_speed(closed):
     assert shapely.distance(shapely.points(states[:, :2]), track).max() < 0.35
 
 
+def test_a_walker_who_is_slow_is_not_stuck():
+    """What counts as no progress is a share of its own speed."""
+    walker = Walker(route=((2.0, 2.0), (5.0, 2.0)), speed=(0.15, 0.15))
+    states = walk(Scene(world_of(start=(0.4, 0.4, 0.0), walkers=[walker])), 450)
+    assert states[:, 0].min() < 2.3
+    assert states[:, 0].max() > 4.7
+
+
 def test_a_walker_steps_around_a_robot_that_stands_in_its_way():
     walker = Walker(route=((1.0, 3.0), (7.0, 3.0)), speed=(1.2, 1.2))
     scene = Scene(world_of(start=(4.0, 3.0, 0.0), walkers=[walker]))

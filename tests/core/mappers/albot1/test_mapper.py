@@ -77,6 +77,7 @@ def test_the_default_corrects_an_odometer_that_turns_wrongly() -> None:
     truth = relative(path[0], path[-1])
     assert np.hypot(*(poses[-1] - truth)[:2]) < 0.15
     assert mapper.lost == 0
+    assert mapper.estimate.localised
     # The letter cannot: its 5 degrees are less than the odometer's error.
     letter = run(thesis := Albot1.thesis(), wrong)
     assert np.hypot(*(letter[-1] - truth)[:2]) > 0.5
