@@ -93,7 +93,7 @@ def test_the_refinement_ends_at_a_maximum():
 
 
 def test_slopes_and_information_are_those_of_the_definition():
-    """By differences; and Σ w J Jᵀ, J how a point's distance from its wall changes with the pose."""
+    """By differences; and Σ w J Jᵀ, J how a point's distance from its wall follows the pose."""
     true, pose = np.array((0.4, -0.3, 0.2)), np.array((0.41, -0.31, 0.22))
     config = FieldConfig()
     field = field_of(true, ROOM, config)

@@ -11,6 +11,7 @@ import pytest
 from gymnasium.wrappers import HumanRendering
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
@@ -277,6 +278,17 @@ def test_the_picture_is_whole_and_the_same_again(frame: Frame, tmp_path: Path) -
     assert orange[:, half:].sum() > 200
     assert orange[:, :half].sum() == 0
     assert list(tmp_path.iterdir()) != []
+
+
+def test_the_picture_says_what_it_shows(
+    frame: Frame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    titles: list[str] = []
+    monkeypatch.setattr(Figure, "savefig", lambda its, *_, **__: titles.append(its.get_suptitle()))
+    save_picture(frame, tmp_path / "a.png")
+    scene = lay_out(frame)
+    assert titles == ["\n".join((scene.heading, *scene.captions))]
+    assert scene.captions
 
 
 def test_a_picture_that_cannot_be_written_leaves_nothing(frame: Frame, tmp_path: Path) -> None:
