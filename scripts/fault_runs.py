@@ -13,8 +13,10 @@ import importlib
 import json
 import os
 import resource
+import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,8 +24,8 @@ import pytest
 
 NOTHING_FOUND = 77
 """The exit status of a run that was ended, as what passed is enough."""
-ENDLESS = 300
-"""Processor time after which what still runs will not end (s)."""
+ENDLESS, WAITED = 300, 1800
+"""Processor time, and time, after which what still runs will not end (s)."""
 # No plugin of pytest is among them: it complains of plugins that it finds loaded.
 _LIBRARIES = (
     "numba", "llvmlite", "scipy.ndimage", "scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial",
@@ -60,6 +62,7 @@ class _Order:
 
 def _run(job: dict[str, Any]) -> NoReturn:
     """Run the tests of a job in this process, and end it."""
+    os.setsid()
     resource.setrlimit(resource.RLIMIT_CPU, (ENDLESS, ENDLESS))
     output = os.open(job["output"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -68,6 +71,20 @@ def _run(job: dict[str, Any]) -> NoReturn:
     status: int = pytest.main(job["arguments"], plugins=[_Order(job["tests"], job["seconds"])])
     sys.stdout.flush()
     os._exit(status)
+
+
+def _end(process: int) -> tuple[int, resource.struct_rusage]:
+    """Wait for a process, or end it, and all that it started; its status and what it used."""
+    since = time.monotonic()
+    done, status, used = os.wait4(process, os.WNOHANG)
+    while not done:
+        if time.monotonic() - since > WAITED:
+            os.kill(process, signal.SIGKILL)
+        time.sleep(0.1)
+        done, status, used = os.wait4(process, os.WNOHANG)
+    with suppress(ProcessLookupError):
+        os.killpg(process, signal.SIGKILL)
+    return status, used
 
 
 def main() -> None:
@@ -79,7 +96,7 @@ def main() -> None:
         process = os.fork()
         if process == 0:
             _run(json.loads(line))
-        _, status, used = os.wait4(process, 0)
+        status, used = _end(process)
         result = {
             "status": os.waitstatus_to_exitcode(status),
             "seconds": round(used.ru_utime + used.ru_stime, 1),

@@ -8,6 +8,7 @@ import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -32,6 +33,7 @@ SHARE = 0.6
 SECONDS = 15.0
 """Processor time after which the tests that passed are enough (s)."""
 SEEN, MISSED = "seen", "missed"
+_STOPPED = (signal.SIGXCPU, signal.SIGKILL)
 _TESTS = ROOT / "tests"
 _LONG = ("test_processors", "test_precompile", "test_warm_up", "test_linking", "test_fuzz")
 """Files of tests that compile everything anew in processes of their own, or try thousands."""
@@ -168,7 +170,8 @@ class Copy:
         else:
             if not failed and status >= 0:
                 raise RuntimeError(f"{fault}: {output}")
-            found = {"outcome": SEEN, "by": failed[0] if failed else "the time that it takes"}
+            ended = "a run that does not end" if -status in _STOPPED else "a process that ends"
+            found = {"outcome": SEEN, "by": failed[0] if failed else ended}
         return found | {"seconds": result["seconds"]}
 
     def failing(self, tests: Iterable[str]) -> list[str]:
