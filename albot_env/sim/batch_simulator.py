@@ -24,6 +24,7 @@ from albot_env.sim.chipmunk import (
     SpaceTables,
     advance,
 )
+from albot_env.sim.command_log import CommandLog, Targets
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.obstacles import DynamicObstacles, ObstacleSnapshot
 from albot_env.sim.odometer import COUNTS
@@ -49,6 +50,37 @@ class RobotSnapshot(NamedTuple):
     """State of the obstacles around it."""
 
 
+class Placement(NamedTuple):
+    """How a robot was put at rest in its world, before its first command."""
+
+    pose: Pose
+    """Pose in the world frame; the heading is not wrapped."""
+    key: int
+    """Key of the obstacles' random numbers."""
+    obstacles: ObstacleSnapshot | None
+    """State of the obstacles around it; None if the key decides it."""
+
+
+class SimulatorState(NamedTuple):
+    """State of a robot, moving or not, and of all around it: all that its future depends on.
+
+    The physics is in it as its history: a placement, and the commands since then.
+    """
+
+    placement: Placement
+    targets: Targets
+    """Commands since the placement."""
+    robot: dict[str, np.ndarray]
+    """Its rows of `RobotArrays`."""
+    sensors: dict[str, np.ndarray]
+    """Its rows of `SensorOutputs`."""
+
+
+_KEPT_OF_ROBOTS = ("targets", "wheels", "counts", "states", "poses", "touched")
+_KEPT_OF_SENSORS = ("keys", "readings", "motions", "true_ranges", "ranges", "echoes", "scenes")
+"""The arrays in a state. The others hold indices and ids, which differ between simulators."""
+
+
 def draw_key(rng: np.random.Generator) -> int:
     """Draw 64 bits from a generator: the key of all of a robot's noise."""
     return int(rng.integers(2**64, dtype=np.uint64))
@@ -63,6 +95,8 @@ class BatchSimulator:
         sensors: The sensors of each robot.
         threads: Threads that share the work.
         movables: Whether the worlds' doors, boxes and people are simulated.
+        control_steps: Number of physics steps in each `drive`, if `state` shall be possible; 0 if
+            not.
     """
 
     def __init__(
@@ -73,8 +107,12 @@ class BatchSimulator:
         sensors: Sensors,
         threads: ThreadPool | None = None,
         movables: bool = True,
+        control_steps: int = 0,
     ) -> None:
         self.robot = robot
+        self._control_steps = control_steps
+        self._log = CommandLog(robots)
+        self._placements: list[Placement | None] = [None] * robots
         self._threads = threads or ThreadPool(1)
         self._robots = RobotArrays(
             targets=np.zeros((robots, 2)),
@@ -180,6 +218,8 @@ class BatchSimulator:
             key: 64 bits; all random numbers of the robot are a function of them.
         """
         robots = self._robots
+        self._placements[row] = Placement(pose.copy(), key, None)
+        self._log.restart(row)
         self._obstacles.remove(row)
         space = self._spaces.place(row, world, pose, robots.body_ids)
         if self._spaces.moves(world):
@@ -212,6 +252,51 @@ class BatchSimulator:
         self._robots.counts[row] = snapshot.counts
         self._sensors.outputs.readings[row] = snapshot.readings
         self._obstacles.restore(row, snapshot.obstacles)
+        self._placements[row] = Placement(snapshot.pose, snapshot.key, snapshot.obstacles)
+
+    def state(self, row: int) -> SimulatorState:
+        """Return the state of a robot that has been placed (copies).
+
+        The simulator must have been made with `control_steps`.
+        """
+        assert self._control_steps, "its commands have not been kept"
+        placement, robots, outputs = self._placements[row], self._robots, self._sensors.outputs
+        assert placement is not None, "a robot is nowhere before it is placed"
+        return SimulatorState(
+            placement=placement,
+            targets=self._log.of(row),
+            robot={name: np.array(getattr(robots, name)[row]) for name in _KEPT_OF_ROBOTS},
+            sensors={name: np.array(getattr(outputs, name)[row]) for name in _KEPT_OF_SENSORS},
+        )
+
+    def set_state(self, row: int, world: World, state: SimulatorState) -> None:
+        """Put a robot into a state, from this simulator or one with the same configuration.
+
+        It is placed as in that state and repeats the commands, alone in its space. So this takes
+        longer the more steps there were.
+
+        Raises:
+            InputError: The commands do not lead to the same pose, to the bit, because the state is
+                from another kind of processor or other versions of the libraries.
+        """
+        placement, robots = state.placement, self._robots
+        self._obstacles.remove(row)
+        self._spaces.isolate(row, world, robots.body_ids)
+        self.place(row, world, placement.pose, placement.key)
+        if placement.obstacles is not None:
+            self._obstacles.restore(row, placement.obstacles)
+        self._placements[row] = placement
+        self._log.restart(row, state.targets)
+        space = self._spaces.space_of[row : row + 1]
+        for targets in state.targets:
+            robots.targets[row] = targets
+            self._move(self.robot.acceleration, self._control_steps, space, 0)
+        if robots.states[row].tobytes() != state.robot["states"].tobytes():
+            expected = "one from such a processor and with these versions of pymunk and numpy"
+            raise InputError("state", expected, "one whose motion is another here")
+        for arrays, kept in ((robots, state.robot), (self._sensors.outputs, state.sensors)):
+            for name, values in kept.items():
+                getattr(arrays, name)[row] = values
 
     def clear_contacts(self) -> None:
         """Reset `collided` to False for all robots."""
@@ -225,6 +310,9 @@ class BatchSimulator:
         They approach at the maximum acceleration, or reach them immediately if `at_once`.
         """
         self._robots.targets[:] = targets
+        if self._control_steps:
+            assert steps == self._control_steps and not at_once, "such a step is not kept"
+            self._log.append(targets)
         acceleration = np.inf if at_once else self.robot.acceleration
         self._threads.share(self._spaces.occupied, partial(self._move, acceleration, steps))
 

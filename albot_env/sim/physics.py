@@ -214,7 +214,8 @@ class PhysicsSpaces:
         number = int(self.space_of[row])
         if number == _NONE or self._worlds[number] is not world:
             self._leave(row, ids)
-            number = self._enter(row, world)
+            number = self._space_with_room(world)
+            self._enter(row, number)
         space = self._spaces[number]
         assert space is not None
         x, y, heading = pose.tolist()
@@ -222,16 +223,37 @@ class PhysicsSpaces:
         self._update_order(number, ids)
         return space
 
-    def _enter(self, row: int, world: World) -> int:
-        number = self._space_with_room(world)
+    def isolate(self, row: int, world: World, ids: Int64[np.ndarray, "robots"]) -> None:
+        """Give a robot a space of a world for itself; call `place` next.
+
+        Robots that are placed later may join it there.
+
+        Args:
+            row: The robot.
+            world: The world.
+            ids: As for `place`.
+        """
+        number = int(self.space_of[row])
+        is_alone = number != _NONE and self.tables.robot_counts[number] == 1
+        if is_alone and self._worlds[number] is world:
+            return
+        self._leave(row, ids)
+        numbers = self._open.setdefault(id(world), [])
+        empty = [number for number in numbers if not self.tables.robot_counts[number]]
+        if not empty:
+            empty.append(self._make_space(world))
+            # `_make_space` may have dropped the last open space of this world, and the list.
+            self._open.setdefault(id(world), []).append(empty[0])
+        self._enter(row, empty[0])
+
+    def _enter(self, row: int, number: int) -> None:
         slots = self._slots[number]
         slot = slots.index(_NONE) if _NONE in slots else len(slots)
         slots[slot : slot + 1] = [row]
         self.space_of[row], self.tables.slots[row] = number, slot
         self._empty.pop(number, None)
         if self._is_full(number):
-            self._open[id(world)].remove(number)
-        return number
+            self._open[id(self._worlds[number])].remove(number)
 
     def _leave(self, row: int, ids: Int64[np.ndarray, "robots"]) -> None:
         number = int(self.space_of[row])
