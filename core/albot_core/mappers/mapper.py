@@ -287,3 +287,18 @@ class MapperBatch(Protocol):
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Restore a row's mapper from what `state` returned."""
+
+
+@runtime_checkable
+class KeptWays(Protocol):
+    """A batch of mappers that use a way home for a while before they find another.
+
+    `MapperBatch.restore` lets the way be found anew. These two let a run continue as if never
+    stopped also in its ways home.
+    """
+
+    def kept_way(self, row: int) -> dict[str, np.ndarray]:
+        """Return what a row's mapper remembers of the way that it found, besides the way itself."""
+
+    def restore_way(self, row: int, kept: Mapping[str, np.ndarray]) -> None:
+        """Restore, after `restore`, what `kept_way` returned."""

@@ -284,6 +284,20 @@ class Albot1Batch:
         compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
         self.match_readings(np.array([row]))
 
+    def kept_way(self, row: int) -> dict[str, np.ndarray]:
+        """Return the way home that one has found and may still use (see `find_ways`)."""
+        return {
+            "found_at": self._found_at[row].copy(),
+            "next_exit": self._next_exits[row].copy(),
+            "is_current": np.array(self._versions[row] == self._networks[row].version),
+        }
+
+    def restore_way(self, row: int, kept: Mapping[str, np.ndarray]) -> None:
+        """Let one, just restored, use the way that `kept_way` returned."""
+        self._found_at[row] = kept["found_at"]
+        self._next_exits[row] = kept["next_exit"]
+        self._versions[row] = self._networks[row].version if kept["is_current"] else -1
+
     def _forget_ways(self, row: int) -> None:
         """Another network: the way home must be found anew."""
         self._versions[row] = self._expecting[row] = -1
