@@ -9,11 +9,13 @@ and what was found.
 from __future__ import annotations
 
 import dataclasses
+import enum
 import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import PurePath
 from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -246,7 +248,17 @@ def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Location) -> tuple[Any
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a configuration, or a value in one, to plain data; `read_config` is the inverse."""
+    """Convert a configuration, or a value in one, to plain data; `read_config` is the inverse.
+
+    Numbers and arrays of numpy become numbers and lists, paths become text, and members of an
+    enumeration their values. Any other value is returned unchanged.
+    """
+    if isinstance(value, enum.Enum):
+        return to_plain(value.value)
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, PurePath):
+        return str(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {
             each.name: to_plain(getattr(value, each.name)) for each in dataclasses.fields(value)

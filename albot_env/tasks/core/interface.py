@@ -8,18 +8,16 @@ import numpy as np
 from jaxtyping import Float32
 
 from albot_core.errors import InputError
+from albot_core.plain_data import to_plain
 from albot_env.tasks.core.observation import Parts
 from albot_env.tasks.core.precompile import precompile
 from albot_env.tasks.core.robots import BatchedRobots
-from albot_env.tasks.core.settings import equip
+from albot_env.tasks.core.settings import chosen_config, config_class, equip
 
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
 CLOSED = "{}: it was closed, and is to be made anew"
 """Error text for the use of a closed environment; `{}` is its id."""
-NOT_COPIED = "{}: it can be neither copied nor pickled; each process makes its own"
-"""Error text for copying an environment, whose physics is C code; `{}` is its id."""
-
 Observation = Float32[np.ndarray, "..."] | Parts
 Robots = TypeVar("Robots", bound=BatchedRobots)
 
@@ -75,8 +73,13 @@ class TaskInterface(Generic[Robots]):
             threads=threads,
         )
         precompile(equipment)
+        kind = config_class(task)
+        of_task["config"] = chosen_config(of_task.get("config"), kind, task.environment)
         self.mapper, self.odometer = mapper, odometer
         """Names of the mapper and of the odometer's preset."""
+        names = {"odometer": odometer, "laser": laser, "sonar": sonar, "scenes": scenes}
+        self._identity = {"mapper": mapper, "mapper_config": equipment.mapper_config, **names}
+        self._identity |= {"movables": movables, "journeys": 0, **of_task}
         # `task` accepts more keywords than `BatchedRobots` does.
         self.robots: Robots = task(robots, equipment, **of_task)
         """The robots."""
@@ -90,6 +93,15 @@ class TaskInterface(Generic[Robots]):
             observation_config.flat_space if self._flat else observation_config.dict_space
         )
         """The space of one robot's observations."""
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """The settings that decide how episodes go on, as plain data.
+
+        The forms of observations and actions are no part of it.
+        """
+        plain: dict[str, Any] = to_plain(self._identity)
+        return plain
 
     def act_single(self, action: Any) -> None:
         """Run one control step of a single robot.

@@ -22,10 +22,14 @@ from albot_env.tasks.core.coverage_kernels import CoverageGrid
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
 from albot_env.tasks.core.rooms import NO_ROOMS, Rooms, joined, outlines_of
+from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.state import BatchState, Progress
 from albot_env.tasks.core.wayfinding import empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import OccupancyGrids
 from albot_maps import World
+
+_KEPT_OF_OCCUPANCY = ("ages", "moved", "beliefs", "shortcuts", "onwards")
+"""The arrays of `OccupancyGrids` in a state, besides the grid itself."""
 
 
 class _WorldFacts(NamedTuple):
@@ -148,6 +152,31 @@ class ObservationBuilder:
         progress.ground[row] = snapshot.ground
         progress.rooms_entered[row] = snapshot.rooms_entered
         progress.moved[row] = snapshot.moved
+
+    def state(self, row: int) -> Arrays:
+        """Return all that the observations of a robot depend on besides its readings (copies)."""
+        occupancy = self._occupancy
+        cells = int(occupancy.sides[row]) ** 2
+        return {
+            "coverage.covered": words_of(self._covered, row).copy(),
+            "coverage.believed": words_of(self._believed, row).copy(),
+            "rooms.entered": self._rooms.entered[row, : self._room_count(row)].copy(),
+            **copied_rows("progress", self.progress, row),
+            **copied_rows("occupancy", occupancy, row, _KEPT_OF_OCCUPANCY),
+            "occupancy.grids": occupancy.grids[row, :cells].copy(),
+        }
+
+    def set_state(self, row: int, state: Arrays) -> None:
+        """Give a robot, after `begin` in the same world, what `state` returned."""
+        words_of(self._covered, row)[:] = state["coverage.covered"]
+        words_of(self._believed, row)[:] = state["coverage.believed"]
+        self._rooms.entered[row, : self._room_count(row)] = state["rooms.entered"]
+        put_rows("progress", self.progress, row, state)
+        put_rows("occupancy", self._occupancy, row, state)
+
+    def _room_count(self, row: int) -> int:
+        first, last = self._rooms.worlds[row].tolist()
+        return int(last - first)
 
     def _add_world(self, world: World) -> _WorldFacts:
         rooms = self._rooms

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_core.mappers.mapper import TRAVEL
+from albot_core.mappers.mapper import TRAVEL, KeptWays
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.sensing.reading import Readings
@@ -23,9 +23,11 @@ from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
 from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
+from albot_env.tasks.core.episode_state import RobotState
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_builder import ObservationBuilder
+from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.core.state import (
     BatchState,
@@ -38,6 +40,8 @@ from albot_maps import World
 
 _MAPPER_STREAM = 1
 """Number of the random stream of a robot's mapper."""
+_KEPT_OF_BELIEFS = ("beliefs", "home_places", "ways_home", "places", "homes")
+"""The arrays of `BatchState` in a robot's state; the others belong to the simulator."""
 
 
 class BatchedRobots:
@@ -96,6 +100,7 @@ class BatchedRobots:
             sensors=sensors,
             threads=self._threads,
             movables=equipment.movables,
+            control_steps=SUBSTEPS,
         )
         self._builder = ObservationBuilder(robots, observations, self.ground_laser)
         self._stats = new_stats(robots, len(self.terms_of_reward))
@@ -396,3 +401,56 @@ class BatchedRobots:
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
         return self._builder.rooms
+
+    def state(self, row: int) -> RobotState:
+        """Return all that the future of a robot's episode depends on (copies)."""
+        mappers, nobody = self._mappers, np.array(-1)
+        kept: Arrays = mappers.kept_way(row) if isinstance(mappers, KeptWays) else {}
+        return RobotState(
+            simulator=self._simulator.state(row),
+            mapper=None if mappers is None else mappers.state(row),
+            arrays={
+                **copied_rows("stats", self._stats, row),
+                **copied_rows("beliefs", self._state, row, _KEPT_OF_BELIEFS),
+                **self._builder.state(row),
+                **self._task_state(row),
+                "matched": nobody if mappers is None else np.array(mappers.matched_readings[row]),
+                **{f"way.{name}": array for name, array in kept.items()},
+                "observation": self.observations[row].copy(),
+            },
+        )
+
+    def set_state(self, row: int, world: World, state: RobotState) -> None:
+        """Put a robot into a state that robots of this task with the same equipment returned.
+
+        Args:
+            row: The robot.
+            world: World of the state.
+            state: The state; it is not changed.
+
+        Raises:
+            InputError: As for `BatchSimulator.set_state`.
+        """
+        assert state.simulator is not None, "a robot that drives has a body"
+        self._simulator.set_state(row, world, state.simulator)
+        self._worlds[row], self.world_names[row] = world, world.name
+        self._builder.begin(row, world)
+        self._builder.set_state(row, state.arrays)
+        if self._mappers is not None and state.mapper is not None:
+            self._mappers.restore(row, state.mapper)
+            if isinstance(self._mappers, KeptWays):
+                kept = {name: array for name, array in state.arrays.items() if name[:4] == "way."}
+                self._mappers.restore_way(row, {name[4:]: array for name, array in kept.items()})
+            self._mappers.matched_readings[row] = state.arrays["matched"]
+        for table, arrays in (("stats", self._stats), ("beliefs", self._state)):
+            put_rows(table, arrays, row, state.arrays)
+        self._set_task_state(row, world, state.arrays)
+        self.detach_observations()
+        self.observations[row] = state.arrays["observation"]
+
+    def _task_state(self, row: int) -> Arrays:
+        """Return the rows of the task's own arrays that a robot's future depends on (copies)."""
+        return {}
+
+    def _set_task_state(self, row: int, world: World, arrays: Arrays) -> None:
+        """Put a robot into what `_task_state` returned; all else has been set."""

@@ -17,6 +17,7 @@ from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import check_sensors, make_mapper, make_mappers, mapper_spec
 from albot_core.mappers.registry import mapper_config as full_config
+from albot_core.plain_data import Location, read_config, to_plain
 from albot_env.sim import Sensors, choose_sensors
 from albot_maps import World, WorldSet
 
@@ -31,6 +32,38 @@ LARGEST_SEED = 2**128 - 1
 """Largest seed of an episode: numpy draws seeds of 128 bits, and recordings hold them."""
 NO_MAPPER = "none"
 """Name for no mapper: the belief is dead reckoning, and there is no map."""
+
+
+class UnknownSettingError(InputError, TypeError):
+    """The error for a setting that an environment does not have.
+
+    It is a TypeError too, as for any unknown keyword. Libraries rely on this: torchrl passes
+    `frameskip` to every environment, and tries again without it if a TypeError says that this is
+    "an unexpected keyword argument".
+
+    Args:
+        source: Id of the environment. Without the other arguments, the text of such an error with
+            an addition: `gymnasium.make` raises any TypeError anew with the keywords appended,
+            which are left out here.
+        expected: The known settings.
+        found: The unknown one.
+        place: See `InputError`.
+    """
+
+    def __init__(
+        self, source: object, expected: str = "", found: str = "", *, place: str = ""
+    ) -> None:
+        super().__init__(source, expected, found, place=place)
+        if not expected:
+            self.args = (str(source).partition(_ADDED)[0],)
+
+    def __reduce__(self) -> tuple[type[UnknownSettingError], tuple[str, ...]]:
+        """Return what pickling needs, to send the error from worker processes."""
+        return UnknownSettingError, (str(self),)
+
+
+_ADDED = " was raised from the environment creator"
+"""Begin of what `gymnasium.make` appends to the text of a TypeError."""
 
 
 class CommonSettings(TypedDict, total=False):
@@ -61,7 +94,8 @@ class Settings(CommonSettings, total=False):
     """`CommonSettings` and the task's own settings: the keywords of its class."""
 
     config: Any
-    """The task's configuration; None for the default one."""
+    """The task's configuration; or a mapping, as read from JSON or YAML, of the values that differ
+    from the default; or None for the default."""
     journeys: int
     """Number of outward journeys, or tours, per start, from which each reset draws one; 0
     (default) for a new one each time. Only for tasks that have journeys."""
@@ -87,28 +121,44 @@ def settings_of(make: Any, task: type) -> dict[str, Any]:
 
 
 def check_settings(given: Iterable[str], known: Iterable[str], environment: str) -> None:
-    """Raise InputError if an environment does not have one of the given settings.
+    """Raise UnknownSettingError if an environment does not have one of the given settings.
 
     Raises:
-        InputError: A setting is unknown; the message suggests the most similar one.
+        UnknownSettingError: A setting is unknown; the message suggests the most similar one.
     """
     known = sorted(known)
     for name in given:
         if name not in known:
-            found = f"{name}{did_you_mean(name, known)}"
-            raise InputError(environment, f"settings among {', '.join(known)}", found)
+            found = f"an unexpected keyword argument '{name}'{did_you_mean(name, known)}"
+            raise UnknownSettingError(environment, f"settings among {', '.join(known)}", found)
+
+
+def config_class(task: type) -> type[Any]:
+    """Return the class of a task's configuration."""
+    kinds: tuple[type[Any], ...] = get_args(get_type_hints(task.__init__)["config"])  # type: ignore[misc]
+    return next(kind for kind in kinds if kind is not type(None))
 
 
 def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
     """Return a task's configuration; the default one if none is given.
 
+    Args:
+        config: An instance of `kind`; or a mapping, as `to_plain` makes and as JSON and YAML hold,
+            of the fields that differ from the default; or None.
+        kind: The class of the task's configuration.
+        environment: Id of the environment, for errors.
+
     Raises:
-        InputError: `config`, or a configuration within it, is of another class.
+        InputError: `config`, or a configuration within it, is of another class; or the mapping
+            has an unknown key or an invalid value, which the error names.
     """
     if config is None:
         return kind()
+    if isinstance(config, Mapping):
+        return read_config(kind, to_plain(config), Location(environment, ("config",)), kind())
     if not isinstance(config, kind):
-        raise InputError(environment, f"{kind.__name__} or None", repr(config)[:80], place="config")
+        expected = f"{kind.__name__}, a mapping of its fields, or None"
+        raise InputError(environment, expected, repr(config)[:80], place="config")
     _check_nested(config)
     return config
 
@@ -203,6 +253,8 @@ def equip(
             raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None
         check_sensors(spec, sensors.available, "the robot's sensors")
         # Always the complete config: it identifies the equipment in the keys of journeys.
+        if isinstance(mapper_config, Mapping):
+            mapper_config = to_plain(mapper_config)
         mapper_config = full_config(spec, mapper_config)
     return Equipment(
         mapper=mapper,
@@ -233,8 +285,10 @@ def check_seed(seed: Any, environment: str, place: str = "seed") -> int:
 
 def choose_world(
     worlds: WorldSet, rng: np.random.Generator, options: Mapping[str, Any], environment: str
-) -> World:
-    """Return the world that the options of a reset select; by default a random one of the set.
+) -> tuple[World, int]:
+    """Return the world that the options of a reset select, and its number in the set.
+
+    By default it is a random one.
 
     Args:
         worlds: The worlds. If there is only one, no random number is drawn.
@@ -257,7 +311,7 @@ def choose_world(
     if not _is_whole(number) or not 0 <= number < len(worlds):
         expected = f"a world's number below {len(worlds)}"
         raise InputError(environment, expected, repr(number), place="options.world")
-    return worlds[int(number)]
+    return worlds[int(number)], int(number)
 
 
 def choose_start(

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any, Generic, NoReturn, Unpack
+from typing import Any, Generic, Unpack
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from jaxtyping import UInt8
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
-from albot_core.maps.activity import Activity
-from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
+from albot_env.recording.episode import Recorder
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
+from albot_env.tasks.core.copying import CopiedByState
+from albot_env.tasks.core.episode_state import (
+    EpisodeState,
+    check_state,
+    generator_of,
+    generator_state,
+)
+from albot_env.tasks.core.follower import EpisodeFollower, painted
 from albot_env.tasks.core.interface import (
     CLOSED,
     METADATA,
-    NOT_COPIED,
     Observation,
     Robots,
     TaskInterface,
@@ -34,11 +39,14 @@ from albot_env.tasks.core.settings import (
     choose_world,
     settings_of,
 )
+from albot_env.tasks.core.spec import ConfiguredSpec
 from albot_maps import load_worlds
 
 
-class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
+class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
     """One robot with a task. A task's environment names its class, and is documented there.
+
+    It can be copied and pickled: see `get_state`.
 
     Args:
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
@@ -72,19 +80,44 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         """How observations are made of readings, with the sensors chosen."""
         self.action_space = interface.action_space
         self.observation_space = interface.observation_space
-        self._map_version = -1
-        self._activity: Activity | None = None
         self._begun = self._closed = False
-        self._trace: Trace | None = None
-        self.recorder: Recorder = NullRecorder()
-        """Records the episodes from the next reset on."""
-        self.agent = ""
-        """Name of the agent that acts, for recordings and pictures from the next reset on."""
+        self._world_number = 0
+        self._follower = EpisodeFollower(interface, 0)
+        self._spec: ConfiguredSpec | None = None
+        self._given = {"world": world, "render_mode": render_mode, **settings}
+        self._own = frozenset(vars(self)) - {"_spec", "action_space", "observation_space"}
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
         """What it takes by name: types by name."""
         return settings_of(cls.__init__, cls.task)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The spec by which `gymnasium.make` made it; its `to_json` takes configurations too."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = None if spec is None else ConfiguredSpec.of(spec)
+
+    @property
+    def recorder(self) -> Recorder:
+        """Records the episodes from the next reset on."""
+        return self._follower.recorder
+
+    @recorder.setter
+    def recorder(self, recorder: Recorder) -> None:
+        self._follower.recorder = recorder
+
+    @property
+    def agent(self) -> str:
+        """Name of the agent that acts, for recordings and pictures from the next reset on."""
+        return self._follower.agent
+
+    @agent.setter
+    def agent(self, agent: str) -> None:
+        self._follower.agent = agent
 
     def reset(
         self, *, seed: int | np.integer | None = None, options: dict[str, Any] | None = None
@@ -98,22 +131,15 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._check_open()
         seed = None if seed is None else check_seed(seed, self._environment)
         super().reset(seed=seed)
-        world = choose_world(self._worlds, self.np_random, options or {}, self._environment)
+        world, self._world_number = choose_world(
+            self._worlds, self.np_random, options or {}, self._environment
+        )
         start = choose_start(world, self.np_random, options or {}, self._environment)
         self._robot.check_start(world, start)
         self._robot.begin(0, world, start, self.np_random)
         self._robot.detach_observations()
         self._robot.observe()
-        self._map_version = -1
-        self._activity = None
-        self._begun = True
-        self._trace = None
-        if self._followed:
-            header, moment = self._header(start, seed), self._moment(None)
-            self._trace = Trace(header, moment)
-            self.recorder.begin(header)
-            self.recorder.add(moment)
-            self._show()
+        self._begin_following(seed)
         return self._interface.shown(self._robot.observations[0]), self._info()
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -124,17 +150,12 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             ResetNeeded: There was no reset before.
             ClosedEnvironmentError: It has been closed.
         """
-        self._check_open()
-        if not self._begun:
-            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
+        self._check_begun()
         robot = self._robot
         self._interface.act_single(action)
         robot.observe()
-        if self._trace is not None:
-            moment = self._moment(np.atleast_1d(np.array(action, np.float64)))
-            self._trace.add(moment)
-            self.recorder.add(moment)
-            self._show()
+        self._follower.add(action)
+        self._show()
         reward, ended = float(robot.rewards[0]), bool(robot.ended[0])
         return (
             self._interface.shown(self._robot.observations[0]),
@@ -157,19 +178,56 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             ResetNeeded: There was no reset since the environment has a render mode or a
                 recorder, without which nobody follows the robot.
         """
-        if self._trace is None:
+        frame = self._follower.frame
+        if frame is None:
             wanted = "reset with a render mode or a recorder before the first frame"
             raise gymnasium.error.ResetNeeded(f"{self._environment}: {wanted}")
-        return self._trace.frame
+        return frame
 
     def render(self) -> UInt8[np.ndarray, "h w 3"] | None:
         """The present moment as an image in `rgb_array` mode; `human` shows every step anyway."""
-        if self.render_mode != "rgb_array":
-            return None
-        from albot_env.rendering.canvas import paint_array
-        from albot_env.rendering.scene import lay_out
+        return painted(self.frame) if self.render_mode == "rgb_array" else None
 
-        return paint_array(lay_out(self.frame))
+    def get_state(self) -> EpisodeState:
+        """Return the state of the episode, by which it can be branched, or continued elsewhere.
+
+        Raises:
+            ResetNeeded: There was no reset before.
+            ClosedEnvironmentError: It has been closed.
+        """
+        self._check_begun()
+        return EpisodeState(
+            environment=self._environment,
+            settings=self._interface.identity,
+            world=self._robot.world(0),
+            world_number=self._world_number,
+            generator=generator_state(self.np_random),
+            robot=self._robot.state(0),
+        )
+
+    def set_state(self, state: EpisodeState) -> tuple[Observation, dict[str, Any]]:
+        """Continue, to the bit, the episode that a state is from; return what the robot observes.
+
+        The robot's motion since its episode began is repeated, which takes longer the longer that
+        was. A picture or recording begins anew. Wrappers know nothing of it: a `TimeLimit` counts
+        on (`env.set_wrapper_attr("_elapsed_steps", state.steps)` tells it).
+
+        Args:
+            state: From `get_state` of this environment, or of one with the same settings.
+
+        Raises:
+            InputError: It is no state; or it is one of another environment, of other settings,
+                of another world, or from another kind of machine.
+            ClosedEnvironmentError: It has been closed.
+        """
+        self._check_open()
+        world = check_state(state, self._environment, self._interface.identity, self._worlds)
+        self._begun = False
+        self._robot.set_state(0, world, state.robot)
+        self.np_random = generator_of(state.generator)
+        self._world_number = state.world_number
+        self._begin_following(None)
+        return self._interface.shown(self._robot.observations[0]), self._info()
 
     def close(self) -> None:
         """Close the window and the recording; nothing can be done with it any more."""
@@ -178,43 +236,38 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self.recorder.close()
         self._robot.close()
 
-    def __getstate__(self) -> NoReturn:
-        """Raise TypeError: an environment can be neither copied nor pickled."""
-        raise TypeError(NOT_COPIED.format(self._environment))
+    def _whole_state(self) -> Any:
+        self._check_open()
+        if self._begun:
+            return self.get_state()
+        return None if self._np_random is None else generator_state(self._np_random)
+
+    def _set_whole_state(self, state: Any) -> None:
+        if isinstance(state, EpisodeState):
+            self.set_state(state)
+        elif state is not None:
+            self.np_random = generator_of(state)
+
+    def _shared(self) -> dict[str, Any]:
+        return {"world": self._worlds}
 
     def _check_open(self) -> None:
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError(CLOSED.format(self._environment))
 
-    @property
-    def _followed(self) -> bool:
-        """Whether somebody wants to know how each step went."""
-        return self.render_mode is not None or not isinstance(self.recorder, NullRecorder)
+    def _check_begun(self) -> None:
+        self._check_open()
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
 
-    def _moment(self, action: np.ndarray | None) -> Moment:
-        """State of the episode after a reading."""
-        robot = self._robot
-        version, matched = int(robot.map_versions[0]), robot.matched_reading(0)
-        changed, self._map_version = version != self._map_version, version
-        activity, before = robot.activity(0), self._activity
-        self._activity = activity
-        return Moment(
-            action=action,
-            reward=float(robot.rewards[0]),
-            terms=robot.terms_of(0),
-            reading=robot.readings[0],
-            pose=robot.poses[0].copy(),
-            collided=bool(robot.collided[0]),
-            room=robot.room(0),
-            path_length=float(robot.path_lengths[0]),
-            belief=robot.beliefs[0].copy(),
-            home=robot.homes[0].copy(),
-            updates=int(robot.updates[0]),
-            matched_reading=None if matched < 0 else matched,
-            snapshot=robot.snapshot(0) if changed else None,
-            activity=None if activity is before else activity,
-            dynamic_obstacles=robot.dynamic_obstacles(0),
-        )
+    def _begin_following(self, seed: int | None) -> None:
+        """Take down the episode from now on, if somebody wants to know how each step goes."""
+        self._begun = True
+        if self.render_mode is None and not self._follower.records:
+            self._follower.forget()
+            return
+        self._follower.begin(seed)
+        self._show()
 
     def _info(self) -> dict[str, Any]:
         robot = self._robot
@@ -224,21 +277,6 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             "room": robot.room(0),
             **{name: _single(fact) for name, fact in robot.facts.items()},
         }
-
-    def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
-        world = self._robot.world(0)
-        return EpisodeHeader(
-            environment=self._environment,
-            world=world.name,
-            walls=world.walls,
-            start=start.copy(),
-            mapper=self._interface.mapper,
-            odometer=self._interface.odometer,
-            seed=seed,
-            laser=self._robot.observation_config.laser,
-            sonar=self._robot.observation_config.sonar,
-            agent=self.agent,
-        )
 
     def _show(self) -> None:
         if self.render_mode == "human":

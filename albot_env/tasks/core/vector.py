@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Generic, NoReturn, Unpack
+from typing import Any, Generic, Unpack
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float64, Int64, UInt8
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.ranges import FROM_ONE
+from albot_core.ranges import COUNT, FROM_ONE
+from albot_env.tasks.core.batch_member import BatchMember
+from albot_env.tasks.core.copying import CopiedByState
+from albot_env.tasks.core.episode_state import (
+    EpisodeState,
+    check_state,
+    generator_of,
+    generator_state,
+)
+from albot_env.tasks.core.follower import EpisodeFollower, painted
 from albot_env.tasks.core.interface import (
     CLOSED,
     METADATA,
-    NOT_COPIED,
     Observation,
     Robots,
     TaskInterface,
@@ -34,6 +43,7 @@ from albot_env.tasks.core.settings import (
     choose_world,
     settings_of,
 )
+from albot_env.tasks.core.spec import ConfiguredSpec
 from albot_maps import World, WorldSet, load_worlds
 
 Steps = tuple[
@@ -46,13 +56,13 @@ Steps = tuple[
 _NOBODY: Int64[np.ndarray, "none"] = np.zeros(0, np.int64)
 
 
-class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
+class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
     """Robots that are stepped together, each as in its own `SingleEnv`. Subclasses name the task.
 
     From a reset with a seed on, environment i returns bit for bit what a single environment
     made by `gymnasium.make` with the same settings returns. Spaces, rewards and infos are those
     of the single form, batched as gymnasium batches them. Robots in the same world share its
-    physics spaces, wall index and rooms.
+    physics spaces, wall index and rooms. A batch can be copied and pickled: see `get_state`.
 
     Args:
         num_envs: Number of environments.
@@ -63,6 +73,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
             the (valid) action. `SameStep`: the last step itself resets; the info then holds
             `final_obs` and `final_info`. `Disabled`: the caller must call
             `reset(options={"reset_mask": finished})`.
+        render_mode: `rgb_array`, or None. Each step then takes longer, because all that is drawn
+            is taken down for each environment.
         threads: Threads that share the work; None for one per processor. The number affects
             only the speed.
         settings: See `Settings`.
@@ -82,13 +94,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         *,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
         threads: int | None = None,
         **settings: Unpack[Settings],
     ) -> None:
         self._environment = environment = self.task.environment
-        if "render_mode" in settings:
-            expected = "no render_mode: only single environments are drawn"
-            raise InputError(environment, expected, str(dict(settings)["render_mode"]))
+        if render_mode not in (None, "rgb_array"):
+            expected = "rgb_array or None; a batch has no window"
+            raise InputError(environment, expected, str(render_mode), place="render_mode")
         check_settings(settings, self.settings(), environment)
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
             unlimited = name == "max_episode_steps" and number is None
@@ -101,8 +114,13 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         self.observation_config = interface.observation_config
         """How observations are made of readings, with the sensors chosen."""
         self.num_envs = num_envs
-        self._mode = _choose_mode(autoreset_mode, environment)
-        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
+        self.autoreset_mode = _choose_mode(autoreset_mode, environment)
+        """When environments that are over are reset."""
+        self.metadata = METADATA | {
+            "render_modes": ["rgb_array"],
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self.render_mode = render_mode
         self._worlds = _choose_worlds(world, num_envs, environment)
         self._limit = max_episode_steps
         self.single_action_space = interface.action_space
@@ -112,11 +130,35 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._over: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
         self._begun: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
+        self._world_numbers: Int64[np.ndarray, "environments"] = np.zeros(num_envs, np.int64)
+        followed = range(num_envs if render_mode else 0)
+        self._followers = [EpisodeFollower(interface, row) for row in followed]
+        self._spec: ConfiguredSpec | None = None
+        self._given = {
+            "num_envs": num_envs,
+            "world": world,
+            "max_episode_steps": max_episode_steps,
+            "autoreset_mode": autoreset_mode,
+            "render_mode": render_mode,
+            "threads": threads,
+            **settings,
+        }
+        spaces = "action_space", "observation_space", "single_action_space"
+        self._own = frozenset(vars(self)) - {"_spec", *spaces, "single_observation_space"}
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
         """Return the types of the settings, by name."""
         return settings_of(cls.__init__, cls.task)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The spec by which `gymnasium.make_vec` made it; its `to_json` takes configurations."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = None if spec is None else ConfiguredSpec.of(spec)
 
     def reset(
         self,
@@ -148,6 +190,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         self._begin(rows, settings)
         self._robots.observe(None if mask.all() else rows)
         self._begun[rows], self._over[rows] = True, False
+        self._follow(rows)
         return self._interface.shown_all(self._robots.observations), self._infos(
             None if mask.all() else mask
         )
@@ -166,13 +209,17 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         self._begin(resetting, {})
         robots.observe()
         self._begun[:] = True
+        if self._followers:
+            self._follow(resetting)
+            for row in np.setdiff1d(np.arange(self.num_envs), resetting).tolist():
+                self._followers[row].add(np.asarray(actions)[row])
         rewards = robots.rewards.copy()
         truncated = np.zeros(self.num_envs, np.bool_)
         if self._limit is not None:
             truncated = robots.steps >= self._limit
         terminated = robots.ended.copy()
         self._over = over = terminated | truncated
-        if self._mode is AutoresetMode.SAME_STEP and over.any():
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
             infos = self._start_over(over.copy())
         else:
             infos = self._infos()
@@ -202,9 +249,167 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         """Stop the threads; called by `close`."""
         self._robots.close()
 
-    def __getstate__(self) -> NoReturn:
-        """Raise TypeError: an environment can be neither copied nor pickled."""
-        raise TypeError(NOT_COPIED.format(self._environment))
+    def render(self) -> tuple[UInt8[np.ndarray, "h w 3"], ...] | None:
+        """Return the present moments as images, one per environment, in `rgb_array` mode.
+
+        Raises:
+            ResetNeeded: An environment has not been reset.
+        """
+        if self.render_mode is None:
+            return None
+        return tuple(self._render_one(row) for row in range(self.num_envs))  # type: ignore[misc]
+
+    @property
+    def members(self) -> tuple[BatchMember, ...]:
+        """The environments one by one: what each has as its own."""
+        return tuple(BatchMember(self, row) for row in range(self.num_envs))
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Return what a method of each environment returns, or the value of an attribute.
+
+        Args:
+            name: The name of the method or attribute (see `BatchMember`).
+            args: Arguments of the method.
+            kwargs: Further arguments.
+
+        Raises:
+            AttributeError: The environments of a batch have no such attribute.
+        """
+        found = [getattr(member, name) for member in self.members]
+        return tuple(each(*args, **kwargs) if callable(each) else each for each in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return the same as `call`."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each environment.
+
+        Args:
+            name: `np_random`; the environments have no other attribute that can be set.
+            values: One value for each environment, in a list or tuple; or one value for all.
+
+        Raises:
+            AttributeError: There is no such attribute, or it cannot be set.
+            InputError: There are not as many values as environments.
+        """
+        if name not in BatchMember.SETTABLE:
+            settable = ", ".join(BatchMember.SETTABLE)
+            message = f"{name!r} cannot be set in the environments of a batch, only {settable}"
+            raise AttributeError(message)
+        if not isinstance(values, list | tuple):
+            values = [values] * self.num_envs
+        if len(values) != self.num_envs:
+            expected = f"{self.num_envs} values, one per environment"
+            raise InputError(self._environment, expected, str(len(values)), place=name)
+        for member, value in zip(self.members, values, strict=True):
+            setattr(member, name, value)
+
+    def get_state(self, environment: int) -> EpisodeState:
+        """Return the state of an environment's episode (see `SingleEnv.get_state`).
+
+        It is the same state as in the single form, which can continue it, and the other way round.
+
+        Args:
+            environment: Number of the environment.
+
+        Raises:
+            InputError: There is no such environment.
+            ResetNeeded: It has not been reset.
+            ClosedEnvironmentError: The batch has been closed.
+        """
+        self._check_open()
+        row = self._row(environment)
+        if not self._begun[row]:
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset environment {row} first")
+        return EpisodeState(
+            environment=self._environment,
+            settings=self._interface.identity,
+            world=self._robots.world(row),
+            world_number=int(self._world_numbers[row]),
+            generator=generator_state(self._generator(row)),
+            robot=self._robots.state(row),
+        )
+
+    def set_state(
+        self, environment: int, state: EpisodeState
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Continue in an environment the episode that a state is from.
+
+        Args:
+            environment: Number of the environment.
+            state: From `get_state` of this batch, or of any environment with the same settings.
+
+        Returns:
+            The observation of this environment, and the infos of the batch, masked but for it.
+
+        Raises:
+            InputError: There is no such environment; or as for `SingleEnv.set_state`.
+            ClosedEnvironmentError: The batch has been closed.
+        """
+        self._check_open()
+        row = self._row(environment)
+        name = f"{self._environment}, environment {row}"
+        try:
+            identity, worlds = self._interface.identity, self._worlds[row]
+            world = check_state(state, self._environment, identity, worlds, name)
+            self._begun[row] = False
+            self._robots.set_state(row, world, state.robot)
+        except InputError as error:
+            raise _named(error, name) from None
+        self._generators[row] = generator_of(state.generator)
+        self._world_numbers[row] = state.world_number
+        self._begun[row] = True
+        is_late = self._limit is not None and self._robots.steps[row] >= self._limit
+        self._over[row] = bool(self._robots.ended[row]) or is_late
+        mask = np.arange(self.num_envs) == row
+        self._follow(np.flatnonzero(mask))
+        return self._interface.shown(self._robots.observations[row].copy()), self._infos(mask)
+
+    def _whole_state(self) -> Any:
+        self._check_open()
+        generators = [rng if rng is None else generator_state(rng) for rng in self._generators]
+        states = [self.get_state(row) if self._begun[row] else None for row in range(self.num_envs)]
+        return generators, states, self._over.copy()
+
+    def _set_whole_state(self, state: Any) -> None:
+        generators, states, over = state
+        self._generators = [rng if rng is None else generator_of(rng) for rng in generators]
+        for row, each in enumerate(states):
+            if each is not None:
+                self.set_state(row, each)
+        self._over[:] = over
+
+    def _shared(self) -> dict[str, Any]:
+        return {"world": self._worlds}
+
+    def _row(self, environment: Any) -> int:
+        """Return the number of an environment."""
+        if environment not in COUNT or environment >= self.num_envs:
+            expected = f"an environment's number below {self.num_envs}"
+            raise InputError(self._environment, expected, repr(environment), place="environment")
+        return int(environment)
+
+    def _generator(self, row: int) -> np.random.Generator:
+        generator = self._generators[row]
+        if generator is None:
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset environment {row} first")
+        return generator
+
+    def _follow(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Take down the episodes of some environments from now on, if they are to be drawn."""
+        if self._followers:
+            for row in rows.tolist():
+                self._followers[row].begin(None)
+
+    def _render_one(self, row: int) -> UInt8[np.ndarray, "h w 3"] | None:
+        self._check_open()
+        if not self._followers:
+            return None
+        frame = self._followers[row].frame
+        if frame is None:
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset environment {row} first")
+        return painted(frame)
 
     def _check_open(self) -> None:
         if self.closed:
@@ -215,12 +420,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         self._check_open()
         if not self._begun.all():
             raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
-        if self._mode is AutoresetMode.DISABLED and self._over.any():
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._over.any():
             over = int(np.argmax(self._over))
             raise gymnasium.error.ResetNeeded(
                 f"{self._environment}: environment {over} is over, reset it before the next step"
             )
-        return self._over.nonzero()[0] if self._mode is AutoresetMode.NEXT_STEP else _NOBODY
+        return (
+            self._over.nonzero()[0] if self.autoreset_mode is AutoresetMode.NEXT_STEP else _NOBODY
+        )
 
     def _begin(self, rows: Int64[np.ndarray, "some"], options: dict[str, Any]) -> None:
         """Begin episodes of some robots; if one cannot begin, none does, and none can continue."""
@@ -235,7 +442,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         assert generator is not None
         name = f"{self._environment}, environment {row}"
         try:
-            world = choose_world(self._worlds[row], generator, options, name)
+            world, number = choose_world(self._worlds[row], generator, options, name)
+            self._world_numbers[row] = number
             start = choose_start(world, generator, options, name)
             self._robots.check_start(world, start)
         except InputError as error:
@@ -253,6 +461,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         self._robots.observe(rows)
         self._begun[:] = True
         self._over[:] = False
+        self._follow(rows)
         infos = self._infos()
         infos |= {"final_obs": final_obs, "_final_obs": over.copy()}
         return infos | {"final_info": final, "_final_info": over.copy()}

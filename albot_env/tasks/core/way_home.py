@@ -12,6 +12,7 @@ from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import FAR, first_anchor
+from albot_env.tasks.core.row_arrays import Arrays, put_rows
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
@@ -76,7 +77,23 @@ def empty_fields(robots: int) -> DistanceFields:
 
 def with_field(fields: DistanceFields, row: int, field: DistanceField) -> DistanceFields:
     """Return the fields with one robot's row replaced; larger arrays are made only if needed."""
-    points, anchors = len(field.anchor_of), len(field.anchors)
+    fields = _with_room(fields, len(field.anchor_of), len(field.anchors))
+    fields.anchor_of[row, : len(field.anchor_of)] = field.anchor_of
+    fields.anchors[row, : len(field.anchors)] = field.anchors
+    fields.shapes[row] = field.columns, field.rows
+    fields.corners[row] = *field.corner, field.cell
+    return fields
+
+
+def with_field_rows(fields: DistanceFields, row: int, arrays: Arrays) -> DistanceFields:
+    """Return the fields with one robot's row replaced by what `FieldCopies.of` returned."""
+    fields = _with_room(fields, len(arrays["field.anchor_of"]), len(arrays["field.anchors"]))
+    put_rows("field", fields, row, arrays)
+    return fields
+
+
+def _with_room(fields: DistanceFields, points: int, anchors: int) -> DistanceFields:
+    """Return the fields with room for so many points and anchors per robot."""
     if points > fields.anchor_of.shape[1]:
         wider = np.zeros((len(fields.shapes), points), np.int32)
         wider[:, : fields.anchor_of.shape[1]] = fields.anchor_of
@@ -85,11 +102,34 @@ def with_field(fields: DistanceFields, row: int, field: DistanceField) -> Distan
         more = np.zeros((len(fields.shapes), 2 * anchors, 4))
         more[:, : fields.anchors.shape[1]] = fields.anchors
         fields = fields._replace(anchors=more)
-    fields.anchor_of[row, :points] = field.anchor_of
-    fields.anchors[row, :anchors] = field.anchors
-    fields.shapes[row] = field.columns, field.rows
-    fields.corners[row] = *field.corner, field.cell
     return fields
+
+
+class FieldCopies:
+    """Copies of robots' fields for their states; all states of an episode share one.
+
+    Args:
+        robots: Number of robots.
+    """
+
+    def __init__(self, robots: int) -> None:
+        self._copies: list[Arrays] = [{}] * robots
+
+    def of(self, fields: DistanceFields, row: int) -> Arrays:
+        """Return one robot's field as read-only arrays by name."""
+        anchor_of = fields.anchor_of[row, : int(fields.shapes[row].prod())]
+        rows = {
+            "field.shapes": fields.shapes[row],
+            "field.corners": fields.corners[row],
+            "field.anchor_of": anchor_of,
+            "field.anchors": fields.anchors[row, : int(anchor_of.max(initial=FAR)) + 1],
+        }
+        kept = self._copies[row]
+        if not kept or any(not np.array_equal(kept[name], own) for name, own in rows.items()):
+            kept = self._copies[row] = {name: own.copy() for name, own in rows.items()}
+            for array in kept.values():
+                array.flags.writeable = False
+        return kept
 
 
 class DistanceFieldCache:

@@ -63,6 +63,8 @@ class Claims(NamedTuple):
     """(n, 3) int64: number of re-entries of rooms, of right claims, and of false claims."""
 
 
+KEPT_CLAIMS = ("claims", "visit", "room", "since", "returned", "judged", "recognized", "counts")
+"""The arrays of `Claims` with one value or row per robot that are the robot's own."""
 SETTLED = 1.0
 """Distance driven in a room before claims count (m): a mapper may notice that it is through a
 doorway a little before or after."""

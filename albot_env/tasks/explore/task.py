@@ -15,8 +15,10 @@ from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
+from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.explore.claims import (
+    KEPT_CLAIMS,
     ClaimingActionConfig,
     Claims,
     no_claims,
@@ -78,10 +80,27 @@ class ExploreTask(BatchedRobots):
         """Start a new episode with an empty map for a robot; call `observe` first."""
         super().begin(row, world, start, rng)
         self._claims.claims[row] = False
+        self._reserve_claims(row, world)
+
+    def _reserve_claims(self, row: int, world: World) -> None:
+        """Make room for the claims of a robot in a world."""
         self._claims = with_room(self._claims, 0, len(world.rooms))
         if self._matches:
             for other, number in self._worlds_barriers.enter(row, world):
                 self._claims.worlds[other] = number
+
+    def _task_state(self, row: int) -> Arrays:
+        readings = int(self._stats.steps[row]) + 1
+        claims = copied_rows("claims", self._claims, row, KEPT_CLAIMS)
+        visited = copied_rows("claims", self._claims, row, ("points", "rooms", "visits"))
+        return {**claims, **{name: array[:readings] for name, array in visited.items()}}
+
+    def _set_task_state(self, row: int, world: World, arrays: Arrays) -> None:
+        self._reserve_claims(row, world)
+        if self._matches:
+            self._claims = with_room(self._claims, len(arrays["claims.points"]) + 1, 0)
+            self._room_left = 0
+        put_rows("claims", self._claims, row, arrays)
 
     def _add_barriers(self, world: World) -> int:
         """Add the barriers between one world's places; return the world's index."""

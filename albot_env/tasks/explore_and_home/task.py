@@ -16,13 +16,16 @@ from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
 from albot_env.tasks.core.observation import EXPLORE_AND_HOME_PARTS, ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
+from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.core.way_home import (
     DistanceFieldCache,
     DistanceFields,
+    FieldCopies,
     empty_fields,
     update_way_home,
     with_field,
+    with_field_rows,
 )
 from albot_env.tasks.explore_and_home.reward import (
     ExploreAndHomeTerms,
@@ -95,6 +98,7 @@ class ExploreAndHomeTask(BatchedRobots):
         self._distance_fields = DistanceFieldCache()
         self._arguments = ArgumentsCache(self._reward_arguments)
         self._fields = empty_fields(robots)
+        self._field_copies = FieldCopies(robots)
         self._trips = new_explore_and_home_stats(robots)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
@@ -104,6 +108,16 @@ class ExploreAndHomeTask(BatchedRobots):
         self._trips.budgets[row] = max(1, round(time / CONTROL_STEP))
         self._fields = with_field(self._fields, row, self._distance_fields.find(world, start))
         update_way_home(row, float(start[0]), float(start[1]), self._fields, self._trips)
+
+    def _task_state(self, row: int) -> Arrays:
+        return {
+            **copied_rows("trips", self._trips, row),
+            **self._field_copies.of(self._fields, row),
+        }
+
+    def _set_task_state(self, row: int, world: World, arrays: Arrays) -> None:
+        put_rows("trips", self._trips, row, arrays)
+        self._fields = with_field_rows(self._fields, row, arrays)
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots with these actions, some of which may declare home."""

@@ -16,8 +16,16 @@ from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
+from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
-from albot_env.tasks.core.way_home import DistanceFields, empty_fields, update_way_home, with_field
+from albot_env.tasks.core.way_home import (
+    DistanceFields,
+    FieldCopies,
+    empty_fields,
+    update_way_home,
+    with_field,
+    with_field_rows,
+)
 from albot_env.tasks.homing.outward_journey import (
     OutwardJourneyConfig,
     OutwardJourneys,
@@ -89,6 +97,7 @@ class HomingTask(BatchedRobots):
         self._outward_lengths = np.zeros(robots)
         self._cut_short = np.zeros(robots, np.bool_)
         self._fields = empty_fields(robots)
+        self._field_copies = FieldCopies(robots)
         self._homing = new_homing_stats(robots)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
@@ -102,6 +111,20 @@ class HomingTask(BatchedRobots):
         self._fields = with_field(self._fields, row, journey.field)
         x, y, _ = journey.end.body.pose.tolist()
         update_way_home(row, x, y, self._fields, self._homing)
+
+    def _task_state(self, row: int) -> Arrays:
+        return {
+            **copied_rows("homing", self._homing, row),
+            **self._field_copies.of(self._fields, row),
+            "outward.length": np.array(self._outward_lengths[row]),
+            "outward.cut_short": np.array(self._cut_short[row]),
+        }
+
+    def _set_task_state(self, row: int, world: World, arrays: Arrays) -> None:
+        put_rows("homing", self._homing, row, arrays)
+        self._fields = with_field_rows(self._fields, row, arrays)
+        self._outward_lengths[row] = arrays["outward.length"]
+        self._cut_short[row] = arrays["outward.cut_short"]
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots with these actions, some of which may declare home."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from jaxtyping import Bool
+
 from albot_env.tasks.core.single import SingleEnv
 from albot_env.tasks.core.vector import VectorEnv
 from albot_env.tasks.place_recognition.task import PlaceRecognitionTask
@@ -71,6 +74,19 @@ class PlaceRecognitionEnv(SingleEnv[PlaceRecognitionTask]):
 
     task = PlaceRecognitionTask
 
+    def action_masks(self) -> Bool[np.ndarray, "answers"]:
+        """Return which answers are valid now, for learners such as sb3-contrib's MaskablePPO.
+
+        0 is always valid, k if there is a k-th arrival before this one: what `mask` observes.
+
+        Raises:
+            ResetNeeded: There was no reset before.
+            ClosedEnvironmentError: It has been closed.
+        """
+        self._check_begun()
+        masks: Bool[np.ndarray, "answers"] = self._robot.action_masks()[0]
+        return masks
+
 
 class PlaceRecognitionVectorEnv(VectorEnv[PlaceRecognitionTask]):
     """Robots that judge where they are, each as in its own `PlaceRecognitionEnv`; they share tours.
@@ -79,3 +95,8 @@ class PlaceRecognitionVectorEnv(VectorEnv[PlaceRecognitionTask]):
     """
 
     task = PlaceRecognitionTask
+
+    def action_masks(self) -> Bool[np.ndarray, "environments answers"]:
+        """Return which answers are valid now (see `PlaceRecognitionEnv.action_masks`)."""
+        self._check_open()
+        return self._robots.action_masks()

@@ -14,7 +14,9 @@ from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.core.actions import Numbers
+from albot_env.tasks.core.episode_state import RobotState
 from albot_env.tasks.core.robots import BatchedRobots
+from albot_env.tasks.core.row_arrays import copied_rows, put_rows
 from albot_env.tasks.core.settings import NO_MAPPER, Equipment, chosen_config
 from albot_env.tasks.core.state import begin_stats
 from albot_env.tasks.place_recognition.reward import (
@@ -130,15 +132,47 @@ class PlaceRecognitionTask(BatchedRobots):
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Start a tour for a robot."""
-        tour = self._tours.draw(world, start, rng)
+        self._join(row, world, self._tours.draw(world, start, rng))
+        begin_stats(row, start, self._stats)
+
+    def _join(self, row: int, world: World, tour: Tour) -> None:
+        """Let a robot take part in a tour."""
         self._worlds[row], self.world_names[row] = world, world.name
         self._current_tours[row] = tour
-        begin_stats(row, start, self._stats)
         count, table = len(tour.stops), self._tour_table
         table.counts[row] = count
         table.same[row, :count, :count] = tour.same
         for name, column in tour.columns.items():
             getattr(table, name)[row, :count] = column
+
+    def state(self, row: int) -> RobotState:
+        """Return all that the future of a robot's episode depends on (copies)."""
+        tour = self._current_tours[row]
+        assert tour is not None, "a robot is nowhere before it begins"
+        return RobotState(
+            arrays={
+                **copied_rows("stats", self._stats, row),
+                **copied_rows("state", self._state, row),
+                **copied_rows("answers", self._answers, row),
+                "observation": self.observations[row].copy(),
+            },
+            journey=tour,
+        )
+
+    def set_state(self, row: int, world: World, state: RobotState) -> None:
+        """Put a robot into a state that robots of this task with the same equipment returned."""
+        tour = state.journey
+        self._join(row, world, tour if tour.world is world else replace(tour, world=world))
+        tables = ("stats", self._stats), ("state", self._state), ("answers", self._answers)
+        for table, arrays in tables:
+            put_rows(table, arrays, row, state.arrays)
+        self.detach_observations()
+        self.observations[row] = state.arrays["observation"]
+
+    def action_masks(self) -> Bool[np.ndarray, "robots answers"]:
+        """Return which answers each robot can give: a new place, or one of its earlier arrivals."""
+        counts = np.where(self._answers.ended, 1, self._answers.arrivals)
+        return np.arange(self.actions.choice_space.n) < counts[:, np.newaxis]
 
     def act(self, numbers: Numbers) -> None:
         """Store the answers, and move all robots to their next stops."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -220,7 +217,7 @@ def test_numbers_beyond_the_limits_are_those_at_the_limits(environment: str) -> 
     [
         *quick.UNKNOWN,
         ({"world": "office-rong"}, "office-rong"),
-        ({"mapr": "none"}, r"expected settings among .* found mapr \(did you mean mapper\?\)"),
+        ({"mapr": "none"}, r"settings among .*, found .* 'mapr' \(did you mean mapper\?\)$"),
     ],
 )
 def test_settings_that_are_none_are_refused(
@@ -231,7 +228,9 @@ def test_settings_that_are_none_are_refused(
 
 
 def test_a_task_without_journeys_takes_no_number_of_them() -> None:
-    with pytest.raises(InputError, match=r"Albot/Explore-v0: expected settings .*found journeys"):
+    with pytest.raises(
+        InputError, match=r"Albot/Explore-v0: expected settings .*found .* 'journeys'"
+    ):
         _make("Albot/Explore-v0", journeys=1)
 
 
@@ -283,18 +282,6 @@ def test_stepping_before_a_reset_or_after_the_end_is_an_error(environment: str) 
         env.step(quick.still(environment))
     with pytest.raises(gymnasium.error.ClosedEnvironmentError, match=closed):
         env.reset(seed=1)
-
-
-@pytest.mark.parametrize("environment", quick.IDS)
-@pytest.mark.parametrize("copy_of", [copy.deepcopy, copy.copy, pickle.dumps])
-def test_an_environment_is_neither_copied_nor_pickled(
-    environment: str, copy_of: Callable[[object], object]
-) -> None:
-    envs = gymnasium.make_vec(environment, num_envs=1, mapper="none")
-    for env in (_make(environment).unwrapped, envs):
-        with pytest.raises(TypeError, match=f"{environment}: it can be neither copied nor pickled"):
-            copy_of(env)
-        env.close()
 
 
 @pytest.mark.parametrize("environment", quick.IDS)
