@@ -55,6 +55,9 @@ def make_batch(environment: str, num_envs: int, **settings: Any) -> BatchedVecEn
 class BatchedVecEnv(VecEnv):
     """Adapter from a batch of environments to stable-baselines3's `VecEnv`.
 
+    The attributes and methods of its environments are those of `BatchMember`: with `action_masks`
+    sb3-contrib's MaskablePPO learns place recognition, with images a VecVideoRecorder films.
+
     Most steps have empty infos. The info of an episode's last step holds `terminal_observation`,
     `TimeLimit.truncated`, the numbers and names of the final info and, if the task has a success
     criterion, `is_success`.
@@ -74,6 +77,8 @@ class BatchedVecEnv(VecEnv):
         """The batch."""
         self._actions: np.ndarray | None = None
         super().__init__(batch.num_envs, batch.single_observation_space, batch.single_action_space)
+        self.metadata = batch.metadata
+        """The batch's metadata; VecVideoRecorder finds the frames per second in it."""
 
     def reset(self) -> VecEnvObs:
         """Reset all environments, with the seeds of `seed` and the options of `set_options`.
@@ -112,27 +117,39 @@ class BatchedVecEnv(VecEnv):
         """Close the batch."""
         self.batch.close()
 
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """Return the present moments as images; `render` makes one of them."""
+        images = self.batch.render()
+        return [None] * self.num_envs if images is None else list(images)
+
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return the batch's attribute, once for each selected environment."""
-        return [getattr(self.batch, attr_name)] * len(self._chosen(indices))
+        """Return an attribute of each selected environment.
+
+        Raises:
+            AttributeError: The environments of a batch have no such attribute.
+        """
+        return [getattr(member, attr_name) for member in self._chosen(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Raise AttributeError: the environments of a batch have no attributes of their own.
+        """Set an attribute of each selected environment to the same value.
 
         Raises:
-            AttributeError: Always.
+            AttributeError: It cannot be set in the environments of a batch.
         """
-        raise AttributeError(f"{attr_name} cannot be set in single environments of a batch")
+        values = self.get_attr(attr_name)
+        for index in self._get_indices(indices):
+            values[index] = value
+        self.batch.unwrapped.set_attr(attr_name, values)
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **_: Any
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any
     ) -> list[Any]:
-        """Raise AttributeError: the environments of a batch have no methods of their own.
+        """Call a method of each selected environment; return the results.
 
         Raises:
-            AttributeError: Always.
+            AttributeError: The environments of a batch have no such method.
         """
-        raise AttributeError(f"{method_name} cannot be called in single environments of a batch")
+        return [method(*method_args, **kwargs) for method in self.get_attr(method_name, indices)]
 
     def env_is_wrapped(
         self,
@@ -142,8 +159,10 @@ class BatchedVecEnv(VecEnv):
         """Return False for all: the environments of a batch are not wrapped."""
         return [False] * len(self._chosen(indices))
 
-    def _chosen(self, indices: VecEnvIndices) -> Sequence[int]:
-        return list(self._get_indices(indices))
+    def _chosen(self, indices: VecEnvIndices) -> list[Any]:
+        """Return the selected environments, each a `BatchMember`."""
+        members = self.batch.unwrapped.members
+        return [members[index] for index in self._get_indices(indices)]
 
 
 def _single(batched: dict[str, Any], index: int) -> dict[str, Any]:
