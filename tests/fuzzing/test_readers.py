@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,31 @@ def fuzz(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def test_whole_files_are_read(fuzz: Fuzz) -> None:
     assert fuzz.attempt({}) is None
+
+
+def _texts(fuzz: Fuzz) -> dict[str, str]:
+    """What the text files of a reader hold; of those that people write."""
+    found = {}
+    if fuzz.reader.name.startswith(("spec ", "run folder")):
+        return found  # A spec is no file; a run's files are its own.
+    for name, content in fuzz.files.items():
+        with suppress(UnicodeDecodeError):
+            if content and "\0" not in content.decode():
+                found[name] = content.decode()
+    return found
+
+
+def test_a_byte_order_mark_before_any_text_is_no_matter(fuzz: Fuzz) -> None:
+    texts = _texts(fuzz)
+    assert fuzz.attempt({name: f"\ufeff{text}".encode() for name, text in texts.items()}) is None
+
+
+def test_text_in_another_encoding_is_told(fuzz: Fuzz) -> None:
+    for name, text in _texts(fuzz).items():
+        if not name.endswith(".xml"):  # An XML parser reads it.
+            error = fuzz.attempt({name: text.encode("utf-16")})
+            assert error is not None
+            assert "expected UTF-8 text, found UTF-16 text; convert it" in str(error)
 
 
 def test_damaged_files_are_read_or_refused(fuzz: Fuzz) -> None:

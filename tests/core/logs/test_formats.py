@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import read_relations
 from albot_core.geometry.poses import compose, relative
 from albot_core.logs.reader import FORMATS, read_log, read_reference
 from tests.core.logs.conftest import WRITERS
@@ -256,6 +257,33 @@ def test_a_corrected_log_out_of_time_order_keeps_its_odometry(drive, write):
     log = read_log(write(text.corrected_log()))
     np.testing.assert_allclose(log.odometry, text.odometry, atol=1e-5)
     np.testing.assert_allclose(log.reference, text.corrected, atol=1e-9)
+
+
+def test_byte_order_marks_are_no_matter(kind, tmp_path, write, log_text):
+    """Windows editors put one at the beginning; `cat` brings more into the middle."""
+    plain = read_log(write(log_text(kind)))
+    first, *rest = log_text(kind).split("\n")
+    marked = "\ufeff" + "\n".join((first, *(f"\ufeff{line}" if line else line for line in rest)))
+    for name, content in (
+        ("bom.log", f"\ufeff{log_text(kind)}".encode()),
+        ("bom.log.gz", gzip.compress(f"\ufeff{log_text(kind)}".encode())),
+        ("joined.log", marked.encode()),
+    ):
+        (tmp_path / name).write_bytes(content)
+        log = read_log(tmp_path / name)
+        np.testing.assert_array_equal(log.ranges, plain.ranges)
+        np.testing.assert_array_equal(log.odometry, plain.odometry)
+    (tmp_path / "wide.log").write_bytes(log_text(kind).encode("utf-16"))
+    with pytest.raises(InputError, match="expected UTF-8 text, found UTF-16 text; convert it"):
+        read_log(tmp_path / "wide.log")
+
+
+@pytest.mark.parametrize("name", ["a.tum", "a.txt"])
+def test_a_byte_order_mark_before_a_reference_or_relations(name, tmp_path):
+    (tmp_path / name).write_text("\ufeff1 10 0 0 0 0 0 1\n2 20 0 0 0 0 0 1\n", encoding="utf-8")
+    assert read_reference(tmp_path / name).stamps.tolist() == [1, 2]
+    (tmp_path / "a.relations").write_text("\ufeff1 2 10 0 0 0 0 0\n", encoding="utf-8")
+    assert read_relations(tmp_path / "a.relations").stamps.tolist() == [[1, 2]]
 
 
 def test_carriage_returns_are_no_matter(kind, write, log_text):

@@ -59,9 +59,7 @@ def test_a_damaged_line_is_named(tmp_path):
     lines = path.read_text().split("\n")
     lines[1] = lines[1][:-100]
     path.write_text("\n".join(lines))
-    with pytest.raises(
-        InputError, match="line 2: expected 24 or 25 numbers and 682"
-    ):
+    with pytest.raises(InputError, match="line 2: expected 24 or 25 numbers and 682"):
         read_log(path)
     log = read_log(path, keep_going=True)
     assert len(log.stamps) == 1
