@@ -298,3 +298,28 @@ def test_the_list_of_mappers(call):
     told = figures(call("mappers", "--json"))
     assert [entry["name"] for entry in told["mappers"]] == list(mapper_names())
     assert all(entry["summary"] and entry["paper"] for entry in told["mappers"])
+
+
+def test_poses_are_paired_by_line_where_stamps_do_not_tell_the_time(
+    corridor, truth_file, call, tmp_path
+):
+    path, truth = corridor
+    asked = ("--mapper", "odometry", "--json")
+    expected = figures(call("map", path, "--reference", truth_file, *asked))
+    coarse = tmp_path / "coarse.log"
+    lines = [line.split() for line in path.read_text().splitlines()]
+    for words in lines:
+        if words and words[0] == "FLASER":
+            words[-3] = "1.13486e+09"
+    coarse.write_text("\n".join(map(" ".join, lines)) + "\n")
+    told = figures(call("map", coarse, "--reference", truth_file, *asked))
+    assert told["ate_rmse_m"] == pytest.approx(expected["ate_rmse_m"])
+    assert told["note"].endswith(
+        "28 scans share 1 stamp); the scans stay in the file's order; the poses of "
+        f"{truth_file.name} are paired line by line"
+    )
+    part = tmp_path / "part.tum"
+    write_tum(Trajectory(stamps=truth.stamps[1:], poses=truth.poses[1:]), part)
+    told = figures(call("map", coarse, "--reference", part, *asked))
+    assert told["ate_rmse_m"] is None
+    assert "the poses of part.tum are not compared" in told["note"]

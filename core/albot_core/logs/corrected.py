@@ -69,9 +69,10 @@ class _Lines:
 
     def __init__(self, records: Sequence[OdometerLine | Sweep]) -> None:
         at = [k for k, record in enumerate(records) if isinstance(record, Sweep)]
-        count = len(at)
-        self.robot = np.stack([records[k].robot for k in at])  # type: ignore[union-attr]
-        self.stamps = np.array([records[k].stamp for k in at])
+        sweeps = [record for record in records if isinstance(record, Sweep)]
+        count = len(sweeps)
+        self.robot = np.stack([sweep.robot for sweep in sweeps])
+        self.stamps = np.array([sweep.stamp for sweep in sweeps])
         self.arrival = np.full((count, 3), np.nan)
         """The pose by the last `ODOM` line before each scan and after the previous one, but for
         that which repeats the previous scan's pose; NaN without one. Where that line is not of the
@@ -82,17 +83,16 @@ class _Lines:
         """Whether the next line repeats the scan's pose."""
         self.is_marked = np.zeros(count, np.bool_)
         """Whether it does so with the stamp 0, which is not the clock's."""
-        for number, (before, here, after) in enumerate(
-            zip([-1, *at], at, [*at[1:], len(records)], strict=False)
-        ):
-            sweep = records[here]
-            following = records[here + 1 : after][:1]
-            for line in following:
-                self.is_repeated[number] = np.array_equal(line.pose, sweep.robot)  # type: ignore[union-attr]
-                self.is_marked[number] = (
-                    self.is_repeated[number] and line.stamp == 0 and sweep.stamp != 0
-                )
-            between = list(records[before + 1 : here])
+        gaps = [
+            [record for record in records[begin + 1 : end] if isinstance(record, OdometerLine)]
+            for begin, end in zip([-1, *at], [*at, len(records)], strict=True)
+        ]
+        for number, sweep in enumerate(sweeps):
+            for line in gaps[number + 1][:1]:
+                self.is_repeated[number] = np.array_equal(line.pose, sweep.robot)
+                has_mark = line.stamp == 0 and sweep.stamp != 0
+                self.is_marked[number] = self.is_repeated[number] and has_mark
+            between = gaps[number]
             if number and between and self.is_repeated[number - 1]:
                 between[0] = OdometerLine(stamp=self.stamps[number - 1], pose=between[0].pose)
                 if len(between) == 1:
@@ -148,7 +148,7 @@ def recover_odometry(records: Sequence[OdometerLine | Sweep]) -> RecoveredOdomet
     poses = [lines.robot[0]]
     for motion in _bridged(motions, lost):
         poses.append(compose(poses[-1], motion))
-    notes = ()
+    notes: tuple[str, ...] = ()
     if lost.any() or short.any():
         notes = (_lost_note(lines, lost, short),)
     return RecoveredOdometry(poses=np.stack(poses), notes=notes)
