@@ -144,13 +144,13 @@ def test_numbers_of_numpy_and_the_mapper_s_config_may_be_in_settings() -> None:
     env = gymnasium.make(
         "Albot/Explore-v0",
         world=WORLD,
-        mapper_config=Albot1Config(max_gap=np.float64(0.3)),
+        mapper_config=Albot1Config(view_spacing=np.float64(0.3)),
         config={"actions": {"speed": np.float32(0.5)}, "claims": np.False_},
     )
     assert env.action_space.shape == (2,) and env.spec is not None
     again = gymnasium.make(EnvSpec.from_json(env.spec.to_json())).unwrapped
     assert again._interface.robots.actions.speed == 0.5  # type: ignore[attr-defined]
-    assert again._interface.identity["mapper_config"]["max_gap"] == 0.3  # type: ignore[attr-defined]
+    assert again._interface.identity["mapper_config"]["view_spacing"] == 0.3  # type: ignore[attr-defined]
 
 
 def test_a_batch_is_made_again_from_its_json() -> None:
