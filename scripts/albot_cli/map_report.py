@@ -185,9 +185,11 @@ def check_moments(
         reference: File of the reference, if one was given.
         relations: File of the relations, if one was given.
     """
-    has_moments = odometry.trajectory is not None or truth is None
-    if reference and not has_moments and pair_moments(log.stamps, truth.stamps).how != NOT_PAIRED:
-        raise InputError(reference, f"moments of {log.name}", "stamps of another log")
+    unpaired = truth if odometry.trajectory is None else None
+    if reference and unpaired is not None:
+        how = pair_moments(log.stamps, unpaired.stamps).how
+        if how != NOT_PAIRED:
+            raise InputError(reference, f"moments of {log.name}", "stamps of another log")
     is_whole = log.unread is None and read_clock(log.stamps).is_good
     if relations and odometry.relations is None and is_whole:
         raise InputError(relations, f"moments of {log.name}", "stamps of another log")

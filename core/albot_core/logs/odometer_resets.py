@@ -128,14 +128,14 @@ def find_resets(
         odds = math.log(_RATE) + steps.evidence(number) + (0.0 if fit is None else fit.evidence)
         if odds <= 0:
             continue
-        is_measured = fit is not None and fit.motion is not None
-        believed[number] = fit.motion if is_measured else expected
+        measured = None if fit is None else fit.motion
+        believed[number] = expected if measured is None else measured
         resets.append(
             OdometerReset(
                 scan=number,
                 reported=motions[number].copy(),
                 motion=believed[number].copy(),
-                source="scans" if is_measured else "speed",
+                source="speed" if measured is None else "scans",
             )
         )
     return tuple(resets)
@@ -317,9 +317,11 @@ class _Scans:
         """Return how well scans of this log fit the ones before them, and ones of other places."""
         if self._measured is None:
             certain = np.flatnonzero(~steps.is_doubtful[1:]) + 1
-            sample = certain[np.linspace(0, len(certain) - 1, _SAMPLE).astype(int)].tolist()
+            places = np.linspace(0, len(certain) - 1, min(_SAMPLE, len(certain))).astype(int)
+            sample = certain[places].tolist()
             count = len(self._ranges)
-            near, far = [], []
+            near: list[float] = []
+            far: list[float] = []
             for number in dict.fromkeys(sample):
                 points, _ = matched_points(self._scan(number), _REACH, _FIELD.cell)
                 if len(points) < _LEAST_POINTS:
