@@ -165,3 +165,15 @@ def test_ctrl_c_keeps_the_tasks_that_are_measured(
     assert stopped.value.code == 130
     assert "| 100% " in out.read_text()
     assert len(read_figures(tmp_path / "page.json")) == 1
+
+
+def test_no_agent_comes_home_by_a_shorter_way_than_the_oracle() -> None:
+    """In no row of the page has an agent a mean SPL above the oracle's by more than chance."""
+    page = Path(__file__).parents[3] / "docs" / "results.json"
+    rows = [row for row in read_figures(page) if row["task"] == "Albot/Homing-v0"]
+    assert {row["agent"] for row in rows} > {"oracle", "albot1-homing", "homing"}
+    for row in rows:
+        if row["agent"] == "oracle":
+            assert row["spl"] > 0.98, row["kind"]
+        else:
+            assert not row["difference_ci95"][0] > 0, (row["kind"], row["agent"])
