@@ -122,7 +122,7 @@ def command(
     rows = rows_of(choices, results)
     facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": jobs}
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
-    facts |= {"left_out": left_out(sources[0].log), "note": "; ".join(notes) or None}
+    facts |= {"left_out": left_out(sources[0].log), "notes": notes}
     facts |= {"rows": rows, "stopped": stopped, "files": {}}
     if out is not None:
         write_files(out, facts, results, sources)

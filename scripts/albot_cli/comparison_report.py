@@ -124,7 +124,7 @@ def as_text(facts: dict[str, Any]) -> str:
     died = [run for row in facts["rows"] for run in row["runs"] if run["error"] is not None]
     lines += [f"{run['mapper']}, seed {run['seed']}: {run['error']}" for run in died]
     lines += [left_out_line(facts["left_out"])] if facts["left_out"] else []
-    lines += [f"note: {facts['note']}"] if facts["note"] else []
+    lines += [f"note: {note}" for note in facts["notes"]]
     lines += [f"{kind}  {path}" for kind, path in facts["files"].items()]
     return "\n".join(lines)
 

@@ -268,7 +268,7 @@ def report(
         "map_entropy": _entropy(log, run.believed.poses),
         "odometry_map_entropy": (None if log.is_odometry_constant else _entropy(log, log.odometry)),
         "left_out": left_out(log),
-        "note": "; ".join(notes) or None,
+        "notes": list(notes),
     }
 
 
@@ -311,8 +311,8 @@ def as_table(figures: dict[str, Any]) -> str:
         lines += ["", recognition_row(figures["recognition"])]
     if figures["left_out"]:
         lines += ["", left_out_line(figures["left_out"])]
-    if figures["note"]:
-        lines += ["", *(f"note: {note}" for note in figures["note"].split("; "))]
+    if figures["notes"]:
+        lines += ["", *(f"note: {note}" for note in figures["notes"])]
     return "\n".join(lines)
 
 

@@ -63,7 +63,7 @@ def test_a_log_without_odometry_is_mapped_by_the_scans_alone(call, data, tmp_pat
     log = tmp_path / "still.log"
     log.write_text("\n".join(still) + "\n")
     done = call("map", log, "--json")
-    assert figures(done)["note"].startswith("the log's odometry is constant")
+    assert figures(done)["notes"][0].startswith("the log's odometry is constant")
     assert "the log's odometry is constant" in done.stderr
 
 
@@ -91,8 +91,9 @@ def reset_log(tmp_path):
 def test_a_reset_of_the_odometer_is_told_and_costs_nothing(mapper, reset_log, call):
     done = call("map", *reset_log, "--mapper", mapper, "--json")
     told = figures(done)
-    assert told["note"].startswith("at scan 31 the odometer jumps by ")
-    assert told["note"] in done.stderr
+    (note,) = told["notes"]
+    assert note.startswith("at scan 31 the odometer jumps by ")
+    assert note in done.stderr
     assert told["ate_rmse_m"] < 0.1 < 2.0 < told["odometry_ate_rmse_m"]
     assert told["path_m"] == pytest.approx(59 * 0.12, abs=0.05)
 
