@@ -37,6 +37,7 @@ _STOPPED = (signal.SIGXCPU, signal.SIGKILL)
 _TESTS = ROOT / "tests"
 _LONG = ("test_processors", "test_precompile", "test_warm_up", "test_linking", "test_fuzz")
 """Files of tests that compile everything anew in processes of their own, or try thousands."""
+_SETTINGS = "tests/test_configurations.py"
 _COPIED = ("core", "maps", "albot_env", "agents", "scripts", "tests", "docs")
 _IMPORTS = re.compile(
     r"^\s*(?:from ((?:albot|tests)[\w.]*) import ([\w, ]*)|import ((?:albot|tests)[\w.]*))",
@@ -106,6 +107,12 @@ def tests_of(path: str) -> list[str]:
         away = 0 if test.is_relative_to(folder) else 1
         ranked.append((not is_own, distance > 1, away, distance, test.stat().st_size, test))
     return [str(rank[-1].relative_to(ROOT)) for rank in sorted(ranked)]
+
+
+def _tests_for(fault: Fault) -> list[str]:
+    """Return the tests near a fault; for a number also those of all settings, which import none."""
+    near = tests_of(fault.path)
+    return [*near[:1], _SETTINGS, *near[1:]] if fault.kind == "constant" else near
 
 
 def _mirror(module: Path) -> Path:
@@ -278,7 +285,9 @@ def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any
 
         def work(path: str) -> None:
             copy = copies.get()
-            found[path] = asdict(faults[path]) | copy.run(faults[path], tests_of(path), SECONDS)
+            found[path] = asdict(faults[path]) | copy.run(
+                faults[path], _tests_for(faults[path]), SECONDS
+            )
             copies.put(copy)
 
         try:
