@@ -24,6 +24,8 @@ def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]
     if entry.environment(environment, {}).get("laser") == "none":
         settings["mapper"] = entry.mapper
     wanted = {**settings, **SETTINGS.get(environment, {})}
+    if name == "place-recognition":
+        wanted["config"] = None  # It was trained with longer tours.
     env = gymnasium.make(environment, **entry.environment(environment, wanted))
     return make_agent(name, env.get_wrapper_attr("observation_config")), env
 

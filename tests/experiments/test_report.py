@@ -77,7 +77,8 @@ def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
         ("result.json", '{"id": "a", "paper": {}}', r"result\.json, measured: expected a value"),
         ("report.md", "", r"report\.md: expected a heading .* found an empty file"),
         ("report.md", "words", r"report\.md: expected a heading .* found words"),
-        ("report.md", b"\xff\xfe", r"report\.md: expected a heading"),
+        ("report.md", b"\xff\xfd", r"report\.md: expected a heading"),
+        ("report.md", b"\xff\xfe", r"report\.md: expected UTF-8 text, found UTF-16"),
     ],
 )
 def test_a_damaged_report_is_refused(

@@ -37,7 +37,7 @@ from albot_core.evaluation.trajectory import (
     relation_error,
     trajectory_error,
 )
-from albot_core.files import read_beginning, read_bytes
+from albot_core.files import read_beginning, read_bytes, read_text
 from albot_core.json_document import read_json
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.logs.wean import read_wean_map
@@ -161,7 +161,7 @@ def _plan() -> str:
 
 
 def _world_readers() -> Iterator[Reader]:
-    ours = (read_world, read_yaml, read_bytes)
+    ours = (read_world, read_yaml, read_bytes, read_text)
     yield one_file("world, YAML", "a.yaml", FURNISHED, _read_world, *ours)
     yield one_file("world, XML", "a.xml", _plan(), _read_world, read_plan_xml)
     house = json.dumps(test_house_json.HOUSE)
@@ -223,7 +223,8 @@ def _write_card(folder: Path) -> None:
 
 def _write_figures(folder: Path) -> None:
     row = {"task": "T", "agent": "a", "odometer": "poor", "kind": "offices", "command": "albot",
-           "episodes": 3, "success_rate": 0.5, "ci95": [0.1, 0.9], "spl": 0.5}  # fmt: skip
+           "figure": "spl", "episodes": 3, "success_rate": 0.5, "ci95": [0.1, 0.9],
+           "spl": 0.5}  # fmt: skip
     (folder / "results.json").write_text(json.dumps([row, row]))
 
 

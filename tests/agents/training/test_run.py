@@ -268,7 +268,9 @@ def test_a_training_that_diverges_is_one_clear_error(
 
     monkeypatch.setattr(run.learner, "train", diverge)
     good = r"000000000032\.checkpoint is intact"
-    with pytest.raises(InputError, match=rf"within ±1e\+06; .* action_net.* 48 samples; .*{good}$"):
+    # Where distributions check no parameters, as torchrl decides for the process, all become NaN.
+    bad = r"within ±(1e\+06|20); .* (action_net|log_std).* 48 samples"
+    with pytest.raises(InputError, match=rf"{bad}; .*{good}$"):
         run.run()
     # What was saved before is whole.
     assert read_checkpoint(checkpoints(folder.checkpoints)[-1]).samples == 32

@@ -197,8 +197,8 @@ def test_a_batch_shows_what_a_single_one_shows() -> None:
     settings = {"world": "random:office:8", "config": HomingConfig(observations=observation_config)}
     batch = gymnasium.make_vec("Albot/Homing-v0", 2, "vector_entry_point", **settings)
     singles = [gymnasium.make("Albot/Homing-v0", **settings) for _ in range(2)]
-    rows, _ = batch.reset(seed=26)
-    alone = [env.reset(seed=26 + i)[0] for i, env in enumerate(singles)]
+    rows, _ = batch.reset(seed=33)
+    alone = [env.reset(seed=33 + i)[0] for i, env in enumerate(singles)]
     rng = np.random.default_rng(0)
     shown = []
     for _ in range(120):
