@@ -135,11 +135,10 @@ class BatchedVecEnv(VecEnv):
 
         Raises:
             AttributeError: It cannot be set in the environments of a batch.
+            InputError: The value is of another kind.
         """
-        values = self.get_attr(attr_name)
-        for index in self._get_indices(indices):
-            values[index] = value
-        self.batch.unwrapped.set_attr(attr_name, values)
+        for member in self._chosen(indices):
+            member.set_attribute(attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any

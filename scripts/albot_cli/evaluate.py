@@ -133,7 +133,7 @@ def command(
     facts["untrained"] = untrained
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
-    facts["against"] = None if against is None else _against(against, outcomes)
+    facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:
         _save(out, facts, outcomes, mapper_config)
@@ -158,7 +158,7 @@ def _settings(
 
 def way_out(task: str, text: str) -> Any:
     """Return the task's configuration with an outward journey of length `A..B` (m)."""
-    from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+    from albot_env.tasks.homing.outward_journey import LENGTHS, OutwardJourneyConfig
     from albot_env.tasks.homing.task import HomingConfig, HomingTask
 
     if task != HomingTask.environment:
@@ -172,6 +172,8 @@ def way_out(task: str, text: str) -> Any:
     shortest, longest = float(found[1]), float(found[2])
     if longest < shortest:
         raise InputError("--outward", "a range A..B with B at least A", text)
+    if longest not in LENGTHS:
+        raise InputError("--outward", f"lengths that are {LENGTHS.expected} (m)", text)
     return HomingConfig(outing=OutwardJourneyConfig(shortest=shortest, longest=longest))
 
 
@@ -205,17 +207,25 @@ def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], boo
     except KeyboardInterrupt:
         stopped = True
     agents = [some[0].agent for some in trials]
-    ended = [k for k in range(len(numbers)) if all((agent, k) in done for agent in agents)]
+    ended = [k for k in range(len(trials[0])) if all((agent, k) in done for agent in agents)]
     return [[done[agent, k] for k in ended] for agent in agents], stopped
 
 
-def _against(agent: str, outcomes: list[list[Outcome]]) -> dict[str, Any]:
+def _against(
+    agent: str,
+    settings: dict[str, Any],
+    untrained: tuple[str, ...],
+    outcomes: list[list[Outcome]],
+) -> dict[str, Any]:
     """Return the figures of the other agent, and the differences in the same episodes."""
     from albot_agents.evaluation.paired import paired_differences
+    from albot_agents.registry import find_agent
 
-    figures = _summary(outcomes[1])
+    file, figures = find_agent(agent).file, _summary(outcomes[1])
     del figures["worlds"]
-    return {"agent": agent, **figures, "differences": paired_differences(*outcomes)}
+    facts = {"agent": agent, "mapper": settings["mapper"], "untrained": untrained}
+    facts["fingerprint"] = None if file is None else file.fingerprint
+    return {**facts, **figures, "differences": paired_differences(*outcomes)}
 
 
 def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
@@ -300,7 +310,7 @@ def _differences(against: dict[str, Any]) -> list[str]:
     """Return the differences from the other agent as lines of text."""
     from albot_agents.evaluation.paired import FIGURES
 
-    lines = [f"  less {against['agent']} in the same episodes:"]
+    lines = [f"  less {against['agent']}, mapper {against['mapper']}, in the same episodes:"]
     for name, found in against["differences"].items():
         low, high = found["ci95"]
         lines.append(

@@ -117,7 +117,8 @@ def command(
     known = truth if truth is not None and is_stamped(recorded, truth) else None
     if recognition and known is None:
         expected = "a reference of where the robot was at every scan"
-        raise InputError("--recognition", expected, "none" if truth is None else "one with fewer")
+        some = "one with fewer poses, or with scans whose stamps are not their own"
+        raise InputError("--recognition", expected, "none" if truth is None else some)
     check_sensors(spec, recorded.sensors, recorded.name)
     notes = notes_of(recorded, truth, reference, true_relations)
     for note in notes:

@@ -71,7 +71,7 @@ def test_two_agents_in_the_same_episodes(
     found = json.loads(out)
     assert (found["agent"], found["episodes"]) == ("path-integration", 3)
     against = found["against"]
-    assert (against["agent"], against["episodes"]) == ("homing", 3)
+    assert (against["agent"], against["mapper"], against["episodes"]) == ("homing", "albot1", 3)
     difference = against["differences"]["soft_spl"]
     assert difference["mean"] == pytest.approx(found["soft_spl"] - against["soft_spl"])
     assert difference["ci95"][0] <= difference["mean"] <= difference["ci95"][1]
@@ -85,9 +85,19 @@ def test_two_agents_in_the_same_episodes(
         for name in ("start", "begin", "initial_distance_home", "outward_length"):
             assert ours[name] == theirs[name]
     status, out, _ = run(*words, "--seeds", "3..5")
-    assert "less homing in the same episodes" in out
+    assert "less homing, mapper albot1, in the same episodes" in out
     status, _, err = run(*words[:5], words[3], *TINY)
     assert (status, "--against: expected an agent other than path-integration" in err) == (2, True)
+
+
+def test_a_world_that_is_named_twice_is_run_once(
+    run: Albot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("evaluate", "homing", "--agent", "random", "--seeds", "3..4", "--json", *TINY)
+    found = json.loads(run(*words, "--worlds", "square-loop", "--worlds", "office-ring")[1])
+    assert found["episodes"] == 4
+    assert [row["episodes"] for row in found["worlds"]] == [2, 2]
 
 
 def test_a_full_disk_leaves_no_folder(
@@ -207,6 +217,7 @@ def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -
         (("Albot/Homing-v0", "--agent", "random", "--noise", "loud"), "loud"),
         (("Albot/Homing-v0", "--agent", "random", "--outward", "9..3"), "--outward: expected"),
         (("Albot/Explore-v0", "--agent", "random", "--outward", "1..3"), "has an outward journey"),
+        (("homing", "--agent", "random", "--outward", "1..1000000"), "--outward: expected lengths"),
     ],
 )
 def test_bad_input_is_one_line(run: Albot, words: tuple[str, ...], found: str) -> None:

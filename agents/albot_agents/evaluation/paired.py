@@ -30,6 +30,9 @@ _OWN_CONFIG = ("actions", "claims", "observations", "weights")
 _COVERAGE = ("radius", "cell", "spacing", "turn")
 """What decides which ground counts as covered."""
 
+_TOLD = ("is_success", "way_driven")
+"""Values of `info` that `FIGURES` has under other names."""
+
 FIGURES: Mapping[str, str] = {
     "success": "success",
     "spl": "SPL",
@@ -146,8 +149,10 @@ def paired_differences(
 def episodes_csv(outcomes: Sequence[Outcome], options: Sequence[str] = ()) -> str:
     """Return a table of episodes, a row each, as CSV text with a header.
 
-    The columns: task, agent, world, seed; the figures of `FIGURES`; all single values of the last
-    `info`; and the command that shows the episode. A figure that the task lacks is empty.
+    The columns: task, agent, world, seed and number of steps; the figures of `FIGURES`; the poses
+    of home (`start`) and at the beginning (`begin`), x, y, heading (world frame); all other single
+    values of the last `info`; and the command that shows the episode. A figure that the task lacks
+    is empty.
 
     Args:
         outcomes: The episodes.
@@ -172,13 +177,13 @@ def _row(outcome: Outcome, options: Sequence[str]) -> dict[str, Any]:
         value = outcome.info[name]
         if isinstance(value, np.generic):
             value = value.item()
-        if isinstance(value, bool | int | float | str) and name not in row:
+        if isinstance(value, bool | int | float | str) and name not in (*row, *_TOLD):
             row[name] = value
     return row | {"command": watch_command(trial, options)}
 
 
 def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
-    """Return the command that shows an episode again.
+    """Return the command that shows an episode again; empty if its settings cannot be told.
 
     Args:
         trial: The episode.
@@ -191,7 +196,10 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
         if name in settings:
             words += [f"--{name}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)
+    if outing is not None and outing.away != type(outing)().away:
+        return ""
     if outing is not None and outing != type(outing)():
-        words += ["--outward", f"{outing.shortest:g}..{outing.longest:g}"]
+        lengths = outing.shortest, outing.longest
+        words += ["--outward", "..".join(np.format_float_positional(m, trim="-") for m in lengths)]
     steps = settings.get("max_episode_steps", spec.max_episode_steps)
     return shlex.join([*words, "--steps", str(steps), *options])

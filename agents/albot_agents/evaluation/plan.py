@@ -107,7 +107,8 @@ def plan_trials(
     ]
     for spec in dict.fromkeys(trial.world for trial in (*trials[:1], *trials[-1:])):
         load_world(spec)
-    return trials
+    # A world that is named twice, or by a pattern too, is run once.
+    return list({(trial.world, trial.seed): trial for trial in trials}.values())
 
 
 def _files(spec: str) -> list[str]:

@@ -76,7 +76,10 @@ def read_figures(path: Path) -> list[dict[str, Any]]:
 def _read_row(row: Any, where: Location) -> dict[str, Any]:
     given = row if isinstance(row, dict) else {}
     known = _REQUIRED_FIELDS | {name: _kind(name) for name in _KEYS if name in given}
-    return read_record(known, row, where)
+    found = read_record(known, row, where)
+    if found["figure"] not in FIGURES:
+        raise where.at("figure").error(f"one of {', '.join(FIGURES)}", found["figure"])
+    return found
 
 
 def _kind(key: str) -> Any:

@@ -198,7 +198,7 @@ class Oracle(DrivingAgent[GoalSeeker]):
     the shortest path home (`next_turn_home`) and that path's length (`distance_home`). It turns on
     the spot towards the turning point and drives there straight, as slowly as the robot's
     acceleration demands. Where something holds it up, it pushes on, and then drives around it by
-    its laser. Outside `Albot/Homing-v0` it heads straight for the start.
+    its laser.
 
     Args:
         observation_config: The environment's observation config.
@@ -241,9 +241,9 @@ class Oracle(DrivingAgent[GoalSeeker]):
         distance = float(np.hypot(*(home - pose[:2])))
         if distance < self.ARRIVED:
             return self._declare()
-        turn = transform_points(inverse(pose), info.get("next_turn_home", home))
+        turn = transform_points(inverse(pose), info["next_turn_home"])
         percept = self._decode(observation)
-        steps = self._count_steps(info.get("distance_home", distance))
+        steps = self._count_steps(info["distance_home"])
         if steps > self.CAREFUL_STEPS + self.PUSHING_STEPS:
             return self._drive(self._driver.command(percept, turn), observation)
         command = self._straight(self._beside_walls(turn, percept))

@@ -9,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Space
 from jaxtyping import UInt8
 
-from albot_core.errors import did_you_mean
+from albot_core.errors import InputError, did_you_mean
 from albot_env.tasks.core.episode_state import EpisodeState
 from albot_env.tasks.core.observation import ObservationConfig
 
@@ -77,8 +77,24 @@ class BatchMember:
         return self._batch._generator(self._index)
 
     @np_random.setter
-    def np_random(self, generator: np.random.Generator) -> None:
+    def np_random(self, generator: Any) -> None:
+        if not isinstance(generator, np.random.Generator):
+            found, environment = repr(generator)[:80], self._batch.task.environment
+            raise InputError(environment, "a numpy Generator", found, place="np_random")
         self._batch._generators[self._index] = generator
+
+    def set_attribute(self, name: str, value: Any) -> None:
+        """Set one of `SETTABLE`.
+
+        Raises:
+            AttributeError: There is no such attribute, or it cannot be set.
+            InputError: The value is of another kind.
+        """
+        if name not in self.SETTABLE:
+            settable = ", ".join(self.SETTABLE)
+            message = f"{name!r} cannot be set in the environments of a batch, only {settable}"
+            raise AttributeError(message)
+        setattr(self, name, value)
 
     def get_state(self) -> EpisodeState:
         """Return the state of its episode (see `VectorEnv.get_state`)."""

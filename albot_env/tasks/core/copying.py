@@ -14,8 +14,9 @@ does without."""
 class CopiedByState:
     """What makes an environment copyable and picklable, although its physics is C code.
 
-    A copy has the same settings, is in the same state and goes on alike. It records nothing, and a
-    copy of one with a window has none. Attributes that others have added are copied with it.
+    A copy has the same settings, is in the same state and goes on alike. It records nothing, has no
+    agent's name, and a copy of one with a window has none. Attributes that others have added are
+    copied with it.
     """
 
     _given: dict[str, Any]

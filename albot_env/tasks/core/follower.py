@@ -50,8 +50,8 @@ class EpisodeFollower:
         """Begin to follow an episode, from its present state."""
         self._map_version, self._activity = -1, None
         header, moment = self._header(seed), self._moment(None)
-        self._trace = Trace(header, moment)
         self.recorder.begin(header)
+        self._trace = Trace(header, moment)
         self.recorder.add(moment)
 
     def add(self, action: Any) -> None:

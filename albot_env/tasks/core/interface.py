@@ -98,7 +98,7 @@ class TaskInterface(Generic[Robots]):
     def identity(self) -> dict[str, Any]:
         """The settings that decide how episodes go on, as plain data.
 
-        The forms of observations and actions are no part of it.
+        The settings `observation` and `action` are no part of it; the whole configuration is.
         """
         plain: dict[str, Any] = to_plain(self._identity)
         return plain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, Generic, Unpack
 
 import gymnasium
@@ -84,7 +85,7 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         self._world_number = 0
         self._follower = EpisodeFollower(interface, 0)
         self._spec: ConfiguredSpec | None = None
-        self._given = {"world": world, "render_mode": render_mode, **settings}
+        self._given = {"world": world, "render_mode": render_mode, **copy.deepcopy(settings)}
         self._own = frozenset(vars(self)) - {"_spec", "action_space", "observation_space"}
 
     @classmethod
@@ -262,12 +263,13 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
 
     def _begin_following(self, seed: int | None) -> None:
         """Take down the episode from now on, if somebody wants to know how each step goes."""
-        self._begun = True
+        self._begun = False  # Until the recorder has agreed.
         if self.render_mode is None and not self._follower.records:
             self._follower.forget()
-            return
-        self._follower.begin(seed)
-        self._show()
+        else:
+            self._follower.begin(seed)
+            self._show()
+        self._begun = True
 
     def _info(self) -> dict[str, Any]:
         robot = self._robot

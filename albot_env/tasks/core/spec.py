@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from gymnasium.envs.registration import EnvSpec
@@ -25,7 +26,13 @@ class ConfiguredSpec(EnvSpec):
     def of(cls, spec: EnvSpec) -> ConfiguredSpec:
         """Return a spec with the same fields."""
         fields = [each.name for each in dataclasses.fields(spec) if each.init]
-        return cls(**{name: getattr(spec, name) for name in fields})
+        found = cls(**{name: getattr(spec, name) for name in fields})
+        # The caller may change a mapping later.
+        found.kwargs = {
+            name: copy.deepcopy(value) if isinstance(value, Mapping) else value
+            for name, value in spec.kwargs.items()
+        }
+        return found
 
     def to_json(self) -> str:
         """Return the spec as JSON text.

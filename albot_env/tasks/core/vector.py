@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Any, Generic, Unpack
 
@@ -141,7 +142,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             "autoreset_mode": autoreset_mode,
             "render_mode": render_mode,
             "threads": threads,
-            **settings,
+            **copy.deepcopy(settings),
         }
         spaces = "action_space", "observation_space", "single_action_space"
         self._own = frozenset(vars(self)) - {"_spec", *spaces, "single_observation_space"}
@@ -291,19 +292,15 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
 
         Raises:
             AttributeError: There is no such attribute, or it cannot be set.
-            InputError: There are not as many values as environments.
+            InputError: There are not as many values as environments, or one is of another kind.
         """
-        if name not in BatchMember.SETTABLE:
-            settable = ", ".join(BatchMember.SETTABLE)
-            message = f"{name!r} cannot be set in the environments of a batch, only {settable}"
-            raise AttributeError(message)
         if not isinstance(values, list | tuple):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
             expected = f"{self.num_envs} values, one per environment"
             raise InputError(self._environment, expected, str(len(values)), place=name)
         for member, value in zip(self.members, values, strict=True):
-            setattr(member, name, value)
+            member.set_attribute(name, value)
 
     def get_state(self, environment: int) -> EpisodeState:
         """Return the state of an environment's episode (see `SingleEnv.get_state`).

@@ -30,7 +30,8 @@ from albot_env.tasks.core.settings import NO_MAPPER, Equipment
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
-_LENGTH = Range("a number within [0, 100000]", 0.0, 100_000.0)
+LENGTHS = Range("a number within [0, 100000]", 0.0, 100_000.0)
+"""Lengths that journeys may have (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class OutwardJourneyConfig:
     """A journey is extended while the way home from its end is shorter than this (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _LENGTH, *vars(self))
+        check_fields(self, LENGTHS, *vars(self))
         if self.shortest > self.longest:
             expected = f"at least shortest, {self.shortest:g}"
             raise InputError("OutwardJourneyConfig.longest", expected, f"{self.longest:g}")
@@ -79,7 +80,7 @@ class Route:
     """Whether the robot got stuck before it had driven the drawn length."""
 
 
-_ROUTES = JourneyCache(limit=4 * 2**20)
+_ROUTES = JourneyCache(limit=32 * 2**20)
 """The latest ways: agents that are compared drive them one after another."""
 
 

@@ -181,7 +181,7 @@ def look_up(
     if too many share their stamps, and for what is found both before and after a step.
     """
     clock = read_clock(stamps)
-    if clock.is_coarse:
+    if clock.is_coarse or not clock.count:
         return np.full(len(wanted), -1)
     runs = np.split(np.arange(clock.count), clock.setbacks)
     found = np.stack([_nearest(stamps[run], wanted, tolerance) for run in runs])

@@ -11,8 +11,8 @@ these messages:
   `m e1 … em`)
 
 Units are metres and radians; ranges run from right to left, and with a negative spacing from left
-to right. In a log with both kinds of scans, only
-the kind of the first scan is read. Other messages are skipped.
+to right. In a log with both kinds of scans, only the kind of the first scan is read. Other messages
+are skipped.
 http://carmen.sourceforge.net/logger_playback.html
 
 A scan's first pose is that of the laser, its second that of the robot by its odometer. If the first

@@ -212,7 +212,7 @@ def _lost_note(
     if lost.any():
         told.append(
             f"{many(int(lost.sum()), 'motion')} of the odometer {_are(lost)} lost with "
-            "the ODOM lines and taken as the steps beside"
+            "the ODOM lines and taken as the mean of the steps before and after"
         )
     if short.any():
         told.append(

@@ -88,7 +88,7 @@ def _reader(text: LogText) -> Callable[[LogText, bool], Recording] | None:
 
 def _kind(text: LogText) -> str:
     """Return a description of a file of unknown format, for the error."""
-    beginning = next((line for line in text.lines if line.strip()), "")[:40]
+    beginning = next((line.strip() for line in text.lines if line.strip()), "")[:40]
     if not beginning:
         return "an empty file"
     if beginning.startswith("PK\x03\x04"):
@@ -130,9 +130,9 @@ def read_reference(path: Path) -> Trajectory:
 
 
 def _is_tum(text: LogText) -> bool:
-    """Return whether the first line that is not a comment begins with a number, unlike in logs."""
+    """Return whether the first line that is not a comment begins with a number, and is no scan."""
     for line in text.lines:
         words = line.split()
         if words and not words[0].startswith("#"):
-            return is_number(words[0])
+            return is_number(words[0]) and not mines.is_mines(line)
     return False

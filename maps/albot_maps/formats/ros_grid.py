@@ -257,9 +257,9 @@ def _describe(document: YamlDocument, path: Path) -> _Description:
     (resolution,) = fields.numbers("resolution", 1)
     if resolution <= 0:
         raise fields.error("resolution", "a positive length (m)")
-    if document.data.get("mode", "trinary") not in {"trinary", "scale"}:
+    if document.data.get("mode", "trinary") not in ("trinary", "scale"):
         raise fields.error("mode", "trinary or scale")
-    if document.data.get("negate") not in {0, 1}:
+    if document.data.get("negate") not in (0, 1):
         raise fields.error("negate", "0 or 1")
     occupied_above, free_below = fields.share("occupied_thresh"), fields.share("free_thresh")
     if free_below > occupied_above:  # A cell could be both.

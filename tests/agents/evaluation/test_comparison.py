@@ -105,6 +105,14 @@ def test_a_row_without_a_figure_that_others_have_shows_a_dash(tmp_path: Path) ->
     assert "| k | o | `silent` | 2 | – | 0% | – |" in text
 
 
+def test_a_row_of_an_unknown_figure_is_refused(tmp_path: Path) -> None:
+    row = {"task": "T", "agent": "a", "odometer": "o", "kind": "k", "command": "c", "episodes": 9}
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps([row | {"figure": "speed"}]))
+    with pytest.raises(InputError, match=r"results\.json, \[0\]\.figure: expected one of success"):
+        read_figures(path)
+
+
 @pytest.mark.parametrize("text", ["{", "{}", '[{"task": 1}]', '["row"]', "[1]"])
 def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "results.json"

@@ -24,6 +24,7 @@ from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_clusters
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.reward import HomingWeights
 from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import STROLL
@@ -96,7 +97,8 @@ def test_a_table_has_a_row_an_episode_and_says_how_to_see_it() -> None:
         ("x", "a", "1"), ("x", "a", "2"), ("x", "b", "1"), ("x", "c", "1"), ("y", "b", "1"),
     ]  # fmt: skip
     assert [float(row["spl"]) for row in rows] == [0.9, 0.5, 1.0, 0.7, 0.2]
-    assert rows[0]["is_success"] == "True"
+    assert rows[0]["success"] == "1.0"
+    assert not {"is_success", "way_driven"} & set(rows[0])
     assert (rows[0]["room"], rows[0]["begin"], rows[0]["steps"]) == (
         "hall, west",
         "1.0 1.0 0.5",
@@ -110,7 +112,8 @@ def test_a_table_has_a_row_an_episode_and_says_how_to_see_it() -> None:
 
 
 def test_the_command_shows_the_same_episode() -> None:
-    settings = {"mapper": "none", "odometer": "poor", "config": STROLL, "max_episode_steps": 7}
+    config = HomingConfig(outing=OutwardJourneyConfig(shortest=1.0, longest=2.0))
+    settings = {"mapper": "none", "odometer": "poor", "config": config, "max_episode_steps": 7}
     settings = find_agent("path-integration").environment(HOMING, settings)
     world = "random:office:3?people=2"
     trial = Trial(task=HOMING, agent="path-integration", world=world, seed=5, settings=settings)
@@ -177,3 +180,14 @@ def test_a_run_tells_where_its_episode_began() -> None:
     outcome = run_trial(trial)
     assert (outcome.begin[:2] == outcome.path[0]).all()
     assert outcome.begin.shape == (3,)
+
+
+def test_lengths_of_a_journey_are_told_whole_and_others_not_at_all() -> None:
+    def told(**outing: float) -> str:
+        config = HomingConfig(outing=OutwardJourneyConfig(**outing))
+        settings = {"mapper": "none", "config": config}
+        return watch_command(Trial(task=HOMING, agent="x", world="w", seed=1, settings=settings))
+
+    assert "--outward 0.00001..30.12345678 " in told(shortest=0.00001, longest=30.12345678)
+    assert "--outward" not in told()
+    assert told(away=1.0) == ""

@@ -117,6 +117,7 @@ def test_relations_name_moments_of_a_clock_that_steps_back():
     off = np.where(np.arange(40) < 25, GOOD, GOOD - 3.05)
     np.testing.assert_array_equal(look_up(off, off[[3, 30, 26]], 1e-4), [3, 30, 26])
     np.testing.assert_array_equal(look_up(COARSE, COARSE[:3], 1e-4), [-1, -1, -1])
+    np.testing.assert_array_equal(look_up(np.empty(0), np.ones(1), 1e-4), [-1])
 
 
 @settings(deadline=None)

@@ -378,7 +378,8 @@ def test_one_lost_odom_line_loses_one_step(write, log_text):
     text = _without(log_text("corrected", scans=30), lambda scan, at: (scan, at) == (12, "before"))
     log = read_log(write(text))
     assert log.notes == (
-        "1 motion of the odometer is lost with the ODOM lines and taken as the steps beside "
+        "1 motion of the odometer is lost with the ODOM lines and taken as the mean of the steps "
+        "before and after "
         f"(first scan 13, stamp {whole.stamps[12]:.6f})",
     )
     np.testing.assert_array_equal(log.reference, whole.reference)

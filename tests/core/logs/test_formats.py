@@ -318,7 +318,9 @@ def test_what_is_no_log_is_named(content, found, tmp_path):
         assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("line", ["odom2 0 0.1 0 0 1 1 1", "point2 0 1 2", "loop 3 1 0.9"])
+@pytest.mark.parametrize(
+    "line", ["odom2 0 0.1 0 0 1 1 1", " " * 50 + "odom2 0 0.1", "point2 0 1 2", "loop 3 1 0.9"]
+)
 def test_librsfs_files_are_told_what_to_convert(line, write):
     for read in (read_log, read_reference):
         with pytest.raises(InputError, match=r"a line of libRSF, .*; convert its sensor data"):

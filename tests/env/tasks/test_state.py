@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 from pathlib import Path
 from typing import Any
@@ -286,5 +287,21 @@ def test_a_picture_begins_anew_with_a_state(tmp_path: Path) -> None:
     env.reset(seed=1)
     with pytest.raises(InputError, match="expected one episode a file"):
         env.set_state(state)
+    # It is at another moment than the recording, which must not go on from there.
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(quick.still("Albot/Explore-v0"))
     assert isinstance(copy.deepcopy(env).recorder, NullRecorder)
     env.close()
+
+
+def test_a_mapping_of_settings_may_change_afterwards() -> None:
+    """As in a loop over values that uses one mapping again."""
+    config = {"observations": {"coverage": {"radius": 2.0}}}
+    env: Any = gymnasium.make("Albot/Explore-v0", mapper="none", world="square-loop", config=config)
+    config["observations"]["coverage"]["radius"] = 4.0
+    env.reset(seed=1)
+    twin = copy.deepcopy(env)
+    assert twin.unwrapped.observation_config.coverage.radius == 2.0
+    assert json.loads(env.spec.to_json())["kwargs"]["config"]["observations"]["coverage"] == {
+        "radius": 2.0
+    }

@@ -62,6 +62,8 @@ def test_what_they_do_not_have_is_told() -> None:
         envs.get_attr("action_masks")
     with pytest.raises(AttributeError, match=r"'world' cannot be set .* only np_random"):
         envs.set_attr("world", "square-loop")
+    with pytest.raises(InputError, match="np_random: expected a numpy Generator, found 5"):
+        envs.set_attr("np_random", 5)
 
 
 def test_masks_tell_what_an_observation_shows() -> None:

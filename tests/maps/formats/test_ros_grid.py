@@ -186,6 +186,7 @@ def test_png_pictures_of_any_kind(tmp_path, mode):
             "at most occupied_thresh, 0.1, found 0.9",
         ),
         ({"negate": 2}, "line 6, negate", "0 or 1"),
+        ({"negate": [0]}, "line 6, negate", "0 or 1"),
         ({"mode": "raw"}, "line 7, mode", "trinary or scale"),
     ],
 )
