@@ -34,6 +34,8 @@ SECONDS = 15.0
 """Processor time after which the tests that passed are enough (s)."""
 SEEN, MISSED = "seen", "missed"
 _STOPPED = (signal.SIGXCPU, signal.SIGKILL)
+_NOT_LOADED = 4
+"""Pytest's status where a `conftest.py` cannot be imported, among other errors of use."""
 _TESTS = ROOT / "tests"
 _LONG = ("test_processors", "test_precompile", "test_warm_up", "test_linking", "test_fuzz")
 """Files of tests that compile everything anew in processes of their own, or try thousands."""
@@ -175,9 +177,11 @@ class Copy:
             passed = re.findall(r"(\d+) passed", output)
             found = {"outcome": MISSED, "passed": int(passed[-1]) if passed else 0}
         else:
-            if not failed and status >= 0:
+            unloaded = status == _NOT_LOADED and "while loading conftest" in output
+            if not failed and not unloaded and status >= 0:
                 raise RuntimeError(f"{fault}: {output}")
             ended = "a run that does not end" if -status in _STOPPED else "a process that ends"
+            ended = "tests that cannot be loaded" if unloaded else ended
             found = {"outcome": SEEN, "by": failed[0] if failed else ended}
         return found | {"seconds": result["seconds"]}
 
