@@ -215,7 +215,9 @@ def _difference(
     row: TableRow, outcomes: Sequence[Outcome], others: Sequence[Outcome]
 ) -> dict[str, Any]:
     """Return the difference from the first agent of the comparison; nothing for that one."""
+    if outcomes is others:
+        return {}
     found = paired_differences(outcomes, others).get(row.figure)
-    if outcomes is others or found is None:
+    if found is None:
         return {}
     return {"difference": found["mean"], "difference_ci95": found["ci95"]}

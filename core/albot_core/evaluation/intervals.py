@@ -77,11 +77,11 @@ def bootstrap_clusters(
     Raises:
         InputError: There are no values.
     """
+    if not len(values):
+        raise InputError("bootstrap_clusters", "at least one value", "none")
     numbers = {cluster: k for k, cluster in enumerate(dict.fromkeys(clusters))}
     of = np.array([numbers[cluster] for cluster in clusters], np.int64)
     sums, counts = np.bincount(of, values), np.bincount(of)
-    if not len(values):
-        raise InputError("bootstrap", "at least one value", "none")
     drawn = rng.integers(len(sums), size=(_RESAMPLES, len(sums)))
     return _percentiles(sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
 
