@@ -72,15 +72,34 @@ def correlate(
     Returns:
         The pose with the highest score; of several equal ones, any.
     """
+    found = correlate_above(-math.inf, field, points, guess, window, prior)
+    assert found is not None
+    return found
+
+
+def correlate_above(
+    least: float,
+    field: LikelihoodField,
+    points: Float64[np.ndarray, "points 2"],
+    guess: Pose,
+    window: Window,
+    prior: Float64[np.ndarray, "3"],
+) -> Correlation | None:
+    """Find the best pose of a window like `correlate`, or None where no score is above the least.
+
+    Where the least is high, most of a window in which nothing fits is never searched.
+    """
     cell = field.config.cell
     reach = math.ceil(window.reach / cell - 1e-9)
     turns = math.ceil(window.turn / window.step - 1e-9)
-    poses = (points, guess, reach, turns, window.step, prior)
+    poses = (points, guess, reach, turns, window.step, prior, least)
     if 2 * reach + 1 <= TRIED_WHOLE:
         found = try_window(field.finest, field.corner, cell, *poses)
     else:
         found = search_window(field.levels_for(2 * reach + 1), field.corner, cell, *poses)
     ix, iy, it, score, response = found
+    if not score > least:
+        return None
     pose = guess + np.array((ix * cell, iy * cell, it * window.step))
     at_border = max(abs(ix), abs(iy)) == reach > 0 or abs(it) == turns > 0
     return Correlation(pose, score, response, at_border)
@@ -97,11 +116,13 @@ def search_window(
     turns: int,
     step: float,
     prior: np.ndarray,
+    least: float,
 ) -> tuple[int, int, int, float, float]:
-    """Find the best pose like `correlate`, on arrays, with the window in whole cells and steps.
+    """Find the best pose like `correlate_above`, on arrays, with a window of whole cells and steps.
 
     Returns:
-        Steps from the guess to the best pose in x, y and heading; its score; its response.
+        Steps from the guess to the best pose in x, y and heading; its score, the least where none
+        is higher; its response.
     """
     coarsest = len(levels) - 1
     block = 1 << coarsest
@@ -128,7 +149,7 @@ def search_window(
                 bounds[(h * across + i) * across + j] = bound
     stack = np.empty((4 * len(levels) + 4, 4), np.int64)
     stack_bounds = np.empty(len(stack))
-    best, bx, by, bt, raw = -np.inf, 0, 0, 0, 0.0
+    best, bx, by, bt, raw = least, 0, 0, 0, 0.0
     while True:
         k = int(np.argmax(bounds))
         if not bounds[k] > best:
@@ -214,12 +235,13 @@ def try_window(
     turns: int,
     step: float,
     prior: np.ndarray,
+    least: float,
 ) -> tuple[int, int, int, float, float]:
     """Find the same pose as `search_window` by testing every pose, several x cells at once."""
     side = len(finest)
     flat = finest.reshape(side * side)
     cells, sums = np.empty(len(points), np.int32), np.empty(BYTES_SUMMED, np.int32)
-    best, bx, by, bt, raw = -np.inf, 0, 0, 0, 0.0
+    best, bx, by, bt, raw = least, 0, 0, 0, 0.0
     for turn in range(-turns, turns + 1):
         heading = guess[2] + turn * step
         # Poses beyond the window are summed too, so their cells must be in the field.

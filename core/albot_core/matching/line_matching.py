@@ -16,30 +16,23 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.geometry.pose_kernels import rotate, rotate_back, transform_point
+from albot_core.geometry.pose_kernels import rotate, transform_point
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.compiled import kernel
-from albot_core.matching.least_squares import pulled_by_line, solved, stiff
-from albot_core.matching.lines import beside, describe_all, moved_ends, wrap
+from albot_core.matching.line_pairs import (
+    ROUNDING,
+    MatchLimits,
+    by_heading,
+    first_from,
+    pair_lines,
+    refine_match,
+)
+from albot_core.matching.lines import MIN_OVERLAP, describe_all, wrap
 from albot_core.ranges import POSITIVE, Range, check_fields
 
 MAX_LINES = 48
 """Largest number of lines that are compared, the longest ones: the work grows with the fourth power
 of their number."""
-ROUNDS = 3
-"""Number of times that the pose is refined."""
-_ROUNDING = 1e-9
-"""What rounding may make of a heading (rad)."""
-
-
-class MatchLimits(NamedTuple):
-    """`MatchConfig` as compiled code takes it (m, rad)."""
-
-    min_length: float
-    max_gap: float
-    max_angle: float
-    max_shift: float
-    max_turn: float
 
 
 ALIKE = MatchLimits(0.0, 0.0, 0.0, max_shift=1.0, max_turn=float(np.radians(20.0)))
@@ -76,13 +69,33 @@ class MatchConfig:
         )
 
 
-class ByHeading(NamedTuple):
-    """Lines in the order of their headings."""
+class ByTurn(NamedTuple):
+    """Pairs of a line of mine and one of theirs, in the order of the turn between their headings.
 
-    headings: Float64[np.ndarray, "n"]
-    """Their headings, ascending within [-pi, pi] (rad)."""
-    order: Int64[np.ndarray, "n"]
-    """The index of each of these lines."""
+    The turn lays the heading of theirs on that of mine.
+    """
+
+    angles: Float64[np.ndarray, "pairs"]
+    """The turns, ascending within [-pi, pi] (rad)."""
+    theirs: Int64[np.ndarray, "pairs"]
+    """The index of their line."""
+    mine: Int64[np.ndarray, "pairs"]
+    """The index of mine."""
+
+
+class AlikeHeadings(NamedTuple):
+    """The pairs of lines that have about the same heading under a pose."""
+
+    turns: ByTurn
+    """All pairs."""
+    first: int
+    """The first of them."""
+    size: int
+    """Their number; after the last of all pairs come those from the first on."""
+    counted: Int64[np.ndarray, "theirs"]
+    """Scratch: the number of the pose at which each of theirs was counted last."""
+    number: int
+    """The number of this pose, from 1."""
 
 
 class LineMatch(NamedTuple):
@@ -154,7 +167,7 @@ def _refined(
 ) -> LineMatch:
     """Return the match of two places' rows near a pose under which `most` lines are the same."""
     counts = np.zeros(3, np.int64)
-    share = _refine_match(here, there, robot, limits, pose, counts) if most else 0.0
+    share = refine_match(here, there, robot, limits, pose, counts) if most else 0.0
     return LineMatch(pose, int(counts[0]), int(counts[1]), int(counts[2]), float(share))
 
 
@@ -165,25 +178,6 @@ def line_rows(lines: Segments, config: MatchConfig) -> Float64[np.ndarray, "n 8"
     if len(rows) > MAX_LINES:
         rows = rows[np.sort(np.argsort(-rows[:, 4], kind="stable")[:MAX_LINES])]
     return rows
-
-
-@kernel(arrays=True)
-def _refine_match(
-    mine: np.ndarray,
-    theirs: np.ndarray,
-    robot: np.ndarray,
-    limits: MatchLimits,
-    best: np.ndarray,
-    counts: np.ndarray,
-) -> float:
-    """Refine a pose and count the lines that are the same under it; return their share."""
-    pairs, taken = np.empty(theirs.shape[0], np.int64), np.empty(mine.shape[0], np.bool_)
-    turned = by_heading(mine)
-    for _ in range(ROUNDS):
-        _pair(mine, turned, theirs, best, limits, -1, pairs, taken)
-        _refine(mine, theirs, pairs, best)
-    counts[0] = _pair(mine, turned, theirs, best, limits, -1, pairs, taken)
-    return _count_sides(mine, theirs, pairs, robot, counts)
 
 
 @kernel(arrays=True)
@@ -199,77 +193,119 @@ def _search(
 ) -> None:
     """Set the poses (n, 3), no two alike, under which most lines are the same, and how many.
 
-    Lines are paired under a pose only where so many may be the same that the pose would be kept:
-    in the open, where a place is large, that is so of few poses.
+    Lines are paired under a pose only where so many may be the same that the pose would be kept.
     """
     pose, pairs, last = np.empty(3), np.empty(theirs.shape[0], np.int64), np.argmin(most)
     turned, taken = by_heading(mine), np.empty(mine.shape[0], np.bool_)
-    alike_headings = np.empty((theirs.shape[0] * mine.shape[0], 2), np.int64)
+    turns, middles = _by_turn(mine, theirs), np.empty((theirs.shape[0], 2))
+    counted, poses = np.zeros(theirs.shape[0], np.int64), 0
     for j in range(mine.shape[0]):
         for k in range(theirs.shape[0]):
             turn = wrap(mine[j, 5] - theirs[k, 5])
             if abs(wrap(turn - guess[2])) > limits.max_turn:
                 continue
-            count = _find_alike_headings(turned, theirs, turn, limits, alike_headings)
+            first, count = _find_turn(turns, turn, limits.max_angle + ROUNDING)
+            _turn_middles(theirs, turn, middles)
             for anchor in range(3):
                 lay_on(mine[j], theirs[k], anchor, pose)
                 if not is_near(pose, guess, robot, limits):
                     continue
-                if _most_pairs(mine, theirs, alike_headings[:count], pose, limits) <= most[last]:
+                poses += 1
+                near = AlikeHeadings(turns, first, count, counted, poses)
+                if _most_pairs(mine, theirs, near, middles, pose, limits.max_gap) <= most[last]:
                     continue
-                found = _pair(mine, turned, theirs, pose, limits, most[last], pairs, taken)
+                found = pair_lines(mine, turned, theirs, pose, limits, most[last], pairs, taken)
                 if found > most[last] and _keep(pose, found, robot, alike, best, most):
                     last = np.argmin(most)
 
 
-@kernel()
-def _find_alike_headings(
-    turned: ByHeading, theirs: np.ndarray, turn: float, limits: MatchLimits, found: np.ndarray
-) -> int:
-    """Fill in (q, k) for each line q of theirs and k of mine that have about one heading.
-
-    They are in the order of q. Returns their number.
-    """
-    size, count = turned.order.shape[0], 0
-    widest = limits.max_angle + _ROUNDING
+@kernel(arrays=True)
+def _by_turn(mine: np.ndarray, theirs: np.ndarray) -> ByTurn:
+    """Return all pairs of lines in the order of the turn between them."""
+    size = mine.shape[0]
+    angles = np.empty(theirs.shape[0] * size)
     for q in range(theirs.shape[0]):
-        heading = wrap(theirs[q, 5] + turn)
-        first = _first_from(turned.headings, wrap(heading - widest)) if widest < np.pi else 0
-        for step in range(size):
-            place = first + step if first + step < size else first + step - size
-            if widest < np.pi and abs(wrap(turned.headings[place] - heading)) > widest + _ROUNDING:
-                break
-            found[count, 0], found[count, 1] = q, turned.order[place]
-            count += 1
-    return count
+        for k in range(size):
+            angles[q * size + k] = wrap(mine[k, 5] - theirs[q, 5])
+    order = np.argsort(angles)
+    return ByTurn(angles[order], order // size, order % size)
+
+
+@kernel()
+def _find_turn(turns: ByTurn, turn: float, width: float) -> tuple[int, int]:
+    """Return the first of the pairs whose turn differs by no more than the width (rad).
+
+    Returns also their number; after the last of all pairs come those from the first on.
+    """
+    size = turns.angles.shape[0]
+    if width >= np.pi:
+        return 0, size
+    first = first_from(turns.angles, wrap(turn - width))
+    end = first_from(turns.angles, wrap(turn + width))
+    # One that is as large as the width lies within; rounding does not matter so near to the limit.
+    return first, end - first if wrap(turn - width) <= wrap(turn + width) else end + size - first
+
+
+@kernel()
+def _turn_middles(lines: np.ndarray, turn: float, middles: np.ndarray) -> None:
+    """Set where the lines' middles come by a turn (n, 2)."""
+    cos, sin = np.cos(turn), np.sin(turn)
+    for q in range(lines.shape[0]):
+        x, y = 0.5 * (lines[q, 0] + lines[q, 2]), 0.5 * (lines[q, 1] + lines[q, 3])
+        middles[q, 0], middles[q, 1] = rotate(cos, sin, x, y)
 
 
 @kernel()
 def _most_pairs(
     mine: np.ndarray,
     theirs: np.ndarray,
-    alike_headings: np.ndarray,
+    alike: AlikeHeadings,
+    middles: np.ndarray,
     pose: np.ndarray,
-    limits: MatchLimits,
+    max_gap: float,
 ) -> int:
     """Return a number that the lines which are the same under a pose do not exceed.
 
-    It is how many of theirs have one of mine, of about their heading, with its middle so near that
-    the two can overlap.
+    It is how many of theirs may be the same as one of mine, which another may be, too.
+
+    Args:
+        mine: Lines of the present place, as rows (n, 8).
+        theirs: Lines of the remembered place, as rows (m, 8).
+        alike: The pairs of about the same heading under the pose.
+        middles: Where the middles of theirs come by the pose's turn (m, 2).
+        pose: The pose.
+        max_gap: The largest mean distance of two lines that are the same (m).
     """
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    count, last = 0, -1
-    for n in range(alike_headings.shape[0]):
-        q, k = alike_headings[n, 0], alike_headings[n, 1]
-        if q == last:
+    turns, bound = alike.turns, 0
+    for n in range(alike.first, alike.first + alike.size):
+        one = n if n < turns.angles.shape[0] else n - turns.angles.shape[0]
+        q = turns.theirs[one]
+        if alike.counted[q] == alike.number:
             continue
-        x, y = 0.5 * (theirs[q, 0] + theirs[q, 2]), 0.5 * (theirs[q, 1] + theirs[q, 3])
-        x, y = transform_point(pose, cos, sin, x, y)
-        x, y = x - 0.5 * (mine[k, 0] + mine[k, 2]), y - 0.5 * (mine[k, 1] + mine[k, 3])
-        along = 0.5 * (theirs[q, 4] + mine[k, 4])
-        if x * x + y * y <= along * along + limits.max_gap * limits.max_gap + _ROUNDING:
-            count, last = count + 1, q
-    return count
+        x, y = middles[q, 0] + pose[0], middles[q, 1] + pose[1]
+        if _may_be_same(mine[turns.mine[one]], x, y, theirs[q, 4], max_gap):
+            alike.counted[q] = alike.number
+            bound += 1
+    return bound
+
+
+@kernel()
+def _may_be_same(wall: np.ndarray, x: float, y: float, length: float, max_gap: float) -> bool:
+    """Return whether a line of about a wall's heading can be near it and overlap it.
+
+    Args:
+        wall: The wall, as a row.
+        x: Where the line's middle is (m).
+        y: Its other coordinate (m).
+        length: The line's length (m).
+        max_gap: The largest mean distance of the two (m).
+    """
+    dx, dy = x - wall[0], y - wall[1]
+    if abs(wall[6] * dy - wall[7] * dx) > max_gap + ROUNDING:
+        return False
+    along = wall[6] * dx + wall[7] * dy
+    overlap = min(along + 0.5 * length, wall[4]) - max(along - 0.5 * length, 0.0)
+    return bool(overlap >= MIN_OVERLAP * min(length, wall[4]) - ROUNDING)
 
 
 @kernel()
@@ -323,121 +359,3 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: Matc
     x, y = transform_point(pose, cos, sin, x, y)
     dx, dy = x - robot[0], y - robot[1]
     return bool(dx * dx + dy * dy <= limits.max_shift * limits.max_shift)
-
-
-@kernel(arrays=True)
-def by_heading(lines: np.ndarray) -> ByHeading:
-    """Return the lines in the order of their headings."""
-    order = np.argsort(lines[:, 5])
-    return ByHeading(lines[order, 5], order)
-
-
-@kernel()
-def _first_from(headings: np.ndarray, least: float) -> int:
-    """Return the index of the first heading that is not below the least."""
-    low, high = 0, headings.shape[0]
-    while low < high:
-        middle = (low + high) // 2
-        if headings[middle] < least:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@kernel()
-def _pair(
-    mine: np.ndarray,
-    turned: ByHeading,
-    theirs: np.ndarray,
-    pose: np.ndarray,
-    limits: MatchLimits,
-    most: int,
-    pairs: np.ndarray,
-    taken: np.ndarray,
-) -> int:
-    """Fill `pairs` (m,) with the line of `mine` that equals each of `theirs`; -1 for none.
-
-    Each takes the nearest of mine that is not yet taken; of equally near ones, the first. Returns
-    the number of pairs; it stops where there can no longer be more than `most`.
-
-    Only lines of about the same heading are looked at. In a building they are a share of all; in
-    the open, where headings are many and a place is large, they are few of many.
-
-    Args:
-        mine: Lines of the present place, as rows (n, 8).
-        turned: The same by heading.
-        theirs: Lines of the remembered place, as rows (m, 8).
-        pose: Pose of its frame.
-        limits: When lines match.
-        most: As above.
-        pairs: Filled in (m,).
-        taken: Scratch buffer (n,).
-    """
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    count = mine.shape[0]
-    for k in range(count):
-        taken[k] = False
-    found = 0
-    for q in range(theirs.shape[0]):
-        if found + theirs.shape[0] - q <= most:
-            break
-        pairs[q] = -1
-        best = limits.max_gap
-        heading, ends = wrap(theirs[q, 5] + pose[2]), moved_ends(theirs[q], pose, cos, sin)
-        # Slightly more than those of the same heading, which are then told exactly.
-        widest = limits.max_angle + _ROUNDING
-        first = _first_from(turned.headings, wrap(heading - widest)) if widest < np.pi else 0
-        for step in range(count):
-            place = first + step if first + step < count else first + step - count
-            if widest < np.pi and abs(wrap(turned.headings[place] - heading)) > widest + _ROUNDING:
-                break
-            k = turned.order[place]
-            if taken[k] or abs(wrap(heading - mine[k, 5])) >= limits.max_angle:
-                continue
-            aside = beside(mine[k], ends, theirs[q, 4])
-            if aside < best or (aside == best and k < pairs[q]):
-                best = aside
-                pairs[q] = k
-        if pairs[q] >= 0:
-            taken[pairs[q]] = True
-            found += 1
-    return found
-
-
-@kernel()
-def _refine(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.ndarray) -> None:
-    """Apply a Gauss-Newton step to the pose, which lays the paired lines on each other."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    # A single wall leaves the position along it open; the weak prior holds it.
-    equations = stiff(1.0, 1e-3)
-    for q in range(theirs.shape[0]):
-        if pairs[q] >= 0:
-            equations = pulled_by_line(equations, theirs[q], mine[pairs[q]], pose, cos, sin)
-    x, y, turn = solved(equations)
-    pose[0] += x
-    pose[1] += y
-    pose[2] = wrap(pose[2] + turn)
-
-
-@kernel()
-def _count_sides(
-    mine: np.ndarray,
-    theirs: np.ndarray,
-    pairs: np.ndarray,
-    robot: np.ndarray,
-    counts: np.ndarray,
-) -> float:
-    """Count the pairs to the robot's left and right; return their share of the total length."""
-    same = total_mine = total_theirs = 0.0
-    cos, sin = np.cos(robot[2]), np.sin(robot[2])
-    for q in range(theirs.shape[0]):
-        total_theirs += theirs[q, 4]
-        if pairs[q] >= 0:
-            wall = mine[pairs[q]]
-            same += min(theirs[q, 4], wall[4])
-            x, y = 0.5 * (wall[0] + wall[2]) - robot[0], 0.5 * (wall[1] + wall[3]) - robot[1]
-            counts[1 if rotate_back(cos, sin, x, y)[1] > 0.0 else 2] += 1
-    for k in range(mine.shape[0]):
-        total_mine += mine[k, 4]
-    return same / min(total_mine, total_theirs)

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.kernels.compiled import kernel
-from albot_core.matching.line_matching import MatchConfig, MatchLimits
+from albot_core.matching.line_matching import MatchConfig
+from albot_core.matching.line_pairs import MatchLimits
 from albot_core.matching.lines import beside, describe_all, wrap
 
 REPLACED_FROM = 0.8

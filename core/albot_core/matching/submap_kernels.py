@@ -12,7 +12,8 @@ import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate_back, transform_point
 from albot_core.kernels.compiled import kernel
-from albot_core.matching.line_matching import MatchLimits, is_near, lay_on
+from albot_core.matching.line_matching import is_near, lay_on
+from albot_core.matching.line_pairs import MatchLimits
 
 CELL = 0.15
 """Side of a cell of the grid (m)."""

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, relative
-from albot_core.matching.correlation import Window, correlate, covariance_around
+from albot_core.matching.correlation import Window, correlate, correlate_above, covariance_around
 from albot_core.matching.likelihood_field import CERTAIN, FieldConfig, LikelihoodField
 from albot_core.matching.refinement import _score_at, refine
 from albot_core.matching.scan_points import matched_points, surface_points
@@ -58,6 +58,11 @@ def test_the_best_pose_is_that_of_brute_force(seed, reach, turns, weights, level
     offsets = np.array(list(itertools.product(steps, steps, angles)))
     scores = [score_at(field, points, guess + off) - prior @ off**2 for off in offsets]
     assert found.score == pytest.approx(max(scores), abs=1e-9)
+    window_of = (field, points, guess, window, prior)
+    below = correlate_above(found.score - 1e-6, *window_of)
+    assert below is not None
+    assert below.score == found.score
+    assert correlate_above(found.score, *window_of) is None
     off = found.pose - guess
     assert score_at(field, points, found.pose) - prior @ off**2 == pytest.approx(max(scores))
     assert found.response == pytest.approx(score_at(field, points, found.pose) / len(points))

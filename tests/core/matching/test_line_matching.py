@@ -13,16 +13,18 @@ from albot_core.geometry.poses import compose, inverse, transform_segments, wrap
 from albot_core.matching import line_matching
 from albot_core.matching.line_matching import (
     MAX_LINES,
+    AlikeHeadings,
     MatchConfig,
-    _find_alike_headings,
+    _by_turn,
+    _find_turn,
     _most_pairs,
-    _pair,
-    by_heading,
+    _turn_middles,
     line_rows,
     match_everywhere,
     match_lines,
 )
 from albot_core.matching.line_merging import merge_lines
+from albot_core.matching.line_pairs import ROUNDING, by_heading, pair_lines
 
 ANYWHERE = MatchConfig(max_shift=np.inf, max_turn=np.pi)
 NOWHERE = np.zeros(3)
@@ -172,17 +174,19 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     rows_theirs = line_rows(theirs, replace(config, min_length=1e-9))
     turned, taken = by_heading(rows_mine), np.empty(len(rows_mine), np.bool_)
     rest = rows_theirs, pose, config.limits
-    found = _pair(rows_mine, turned, *rest, -1, pairs, taken)
+    found = pair_lines(rows_mine, turned, *rest, -1, pairs, taken)
     expected = slow_pairs(mine, theirs, pose, config)
     assert pairs.tolist() == expected
     assert found == sum(pair >= 0 for pair in expected)
     # It may stop only where there cannot be more.
-    assert _pair(rows_mine, turned, *rest, found - 1, pairs, taken) == found
-    assert _pair(rows_mine, turned, *rest, found, pairs, taken) <= found
+    assert pair_lines(rows_mine, turned, *rest, found - 1, pairs, taken) == found
+    assert pair_lines(rows_mine, turned, *rest, found, pairs, taken) <= found
     # Nor is a pose passed over under which there are so many.
-    near = np.empty((len(rows_mine) * len(rows_theirs), 2), np.int64)
-    alike = _find_alike_headings(turned, rows_theirs, float(pose[2]), config.limits, near)
-    assert found <= _most_pairs(rows_mine, rows_theirs, near[:alike], pose, config.limits)
+    turns, middles = _by_turn(rows_mine, rows_theirs), np.empty((len(rows_theirs), 2))
+    first, count = _find_turn(turns, float(pose[2]), config.limits.max_angle + ROUNDING)
+    _turn_middles(rows_theirs, float(pose[2]), middles)
+    alike = AlikeHeadings(turns, first, count, np.zeros(len(rows_theirs), np.int64), 1)
+    assert found <= _most_pairs(rows_mine, rows_theirs, alike, middles, pose, config.max_gap)
 
 
 def test_joined_keeps_one_of_each_and_the_newer_unless_it_shows_much_less():

@@ -34,7 +34,7 @@ from albot_core.maps.layers import (
     PlaceNode,
     TrajectoryLayer,
 )
-from albot_core.matching.correlation import Window, correlate
+from albot_core.matching.correlation import Window, correlate_above
 from albot_core.matching.likelihood_field import LikelihoodField
 from albot_core.matching.refinement import refine
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
@@ -217,12 +217,13 @@ class GraphSlam:
             self.config.matching.heading_step,
         )
         prior = 0.5 / np.array((max(spread, 0.05), max(spread, 0.05), max(turn, 0.02))) ** 2
-        best = correlate(self._chain, scan.points, guess, window, prior)
-        if best.response < 0.5 * config.response:
-            return False
-        found = refine(self._chain, scan.points, scan.normals, best.pose, guess, 0.0 * prior)
         share = min(window.reach / config.most_reach, 1.0)
         needed = config.response + share * (config.wide_response - config.response)
+        least = config.unrefined * needed * len(scan.points)
+        best = correlate_above(least, self._chain, scan.points, guess, window, prior)
+        if best is None:
+            return False
+        found = refine(self._chain, scan.points, scan.normals, best.pose, guess, 0.0 * prior)
         if found.response < needed:
             return False
         correlated = self.config.matching.correlated * self.config.closures.together
