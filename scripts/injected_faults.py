@@ -22,7 +22,6 @@ from queue import Queue
 from typing import Any
 
 from albot_cli.progress import progress
-from albot_core.kernels import compiled
 from fault_runs import NOTHING_FOUND
 from fault_sampling import FOLDERS, ROOT, Fault, draw_faults
 
@@ -46,14 +45,6 @@ _IMPORTS = re.compile(
     re.MULTILINE,
 )
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+(?:\[.*?\])?)", re.MULTILINE)
-_STAMPED = """
-
-def _tie_to_all_kernels(dispatcher: Any) -> None:
-    kept, changed = dispatcher._cache._cache_file, {changed!r}
-    stamp = {stamp!r} + (" fault" if dispatcher.py_func.__module__ in changed else "")
-    kept._version = f"{{kept._version}} {{stamp}}"
-"""
-"""Only kernels that the fault can reach are compiled anew. Appended to the copy's `compiled`."""
 
 
 # Which tests are near a module.
@@ -147,9 +138,6 @@ class Copy:
         for path in ROOT.iterdir():
             if path.is_file():
                 shutil.copy2(path, folder / path.name)
-        packages = (ROOT / name / package for name in FOLDERS for package in compiled.PACKAGES)
-        self._stamp = compiled.digest(package for package in packages if package.exists())
-        self._compiled = folder / "core/albot_core/kernels/compiled.py"
         self._before = dict(self._files())
         folders = os.pathsep.join(str(folder / name) for name in FOLDERS)
         settings = {
@@ -187,8 +175,7 @@ class Copy:
 
     def failing(self, tests: Iterable[str]) -> list[str]:
         """Return those of some tests that fail without a fault."""
-        with self._stamped(set()):
-            _, output = self._pytest([], sorted(tests), math.inf)
+        _, output = self._pytest([], sorted(tests), math.inf)
         return _FAILED.findall(output)
 
     def close(self) -> None:
@@ -220,15 +207,6 @@ class Copy:
         assert lines[fault.line - 1].rstrip("\n") == fault.old, fault
         lines[fault.line - 1] = fault.new + "\n"
         path.write_text("".join(lines), encoding="utf-8")
-        module = ROOT / fault.path
-        changed = {name for name, file in _modules().items() if module in _reached(file)}
-        with self._stamped(changed):
-            yield
-
-    @contextmanager
-    def _stamped(self, changed: set[str]) -> Iterator[None]:
-        with self._compiled.open("a") as stream:
-            stream.write(_STAMPED.format(changed=changed, stamp=self._stamp))
         try:
             yield
         finally:

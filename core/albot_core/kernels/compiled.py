@@ -1,18 +1,14 @@
 """How functions are compiled, and how long what was compiled is kept.
 
-numba keeps compiled code beside the source, and looks only at the file that a function stands in.
-A function that it calls, or a constant that it takes, may have changed in another file, or be gone,
-after an update in place. So all compiled code is tied to a digest of all files with kernels.
+numba keeps compiled code beside the source, until the file changes that a function stands in. Here
+it is kept until any file changes that this file imports, or that such a file imports (`stamp`).
 """
 
 from __future__ import annotations
 
-import hashlib
 import math
-import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -24,6 +20,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 from albot_core.kernels.linking import Kernel
+from albot_core.kernels.stamp import stamp_of
 
 _config: Any = config
 ZERO: Any = np.int64(0)
@@ -66,19 +63,51 @@ def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function],
     def compiling(function: Function) -> Function:
         if _config.DISABLE_JIT:
             return function
-        compiled = Kernel(function, targetoptions=options)
+        compiled: Any = Kernel(function, targetoptions=options)
         compiled.enable_caching()
-        _tie_to_all_kernels(compiled)
+        _tie_to_imports(function, compiled._cache)
         return cast(Function, compiled)
 
     return compiling
 
 
-def _tie_to_all_kernels(dispatcher: Any) -> None:
+def _tie_to_imports(function: Any, kept: Any) -> None:
+    """Let what is kept of a function's compiled code be found only where all that it holds is so.
+
+    Args:
+        function: The function.
+        kept: What numba keeps compiled code with.
+    """
+    path = Path(function.__code__.co_filename)
     # By the version, which numba reads first: an index kept of other kernels may name types that
     # are gone, and could not even be unpickled to look for a stamp in it.
-    kept = dispatcher._cache._cache_file
-    kept._version = f"{kept._version} {kernel_stamp()}"
+    index = kept._cache_file
+    index._version = f"{index._version} {stamp_of(function.__module__, path)}"
+    load, key = index._load_index, kept._index_key
+
+    def load_index() -> Any:
+        """What is kept, unless it is of types that the imports do not tell and that are gone."""
+        try:
+            return load()
+        except (AttributeError, ImportError):
+            return {}
+
+    def key_of(signature: Any, codegen: Any) -> Any:
+        """What numba looks for, and the fields of named tuples, which it does not compare."""
+        return *key(signature, codegen), tuple(_fields_of(getattr(signature, "args", signature)))
+
+    index._load_index, kept._index_key = load_index, key_of
+
+
+def _fields_of(kinds: Iterable[Any]) -> Iterator[tuple[str, ...]]:
+    """The names of the fields of all named tuples in some of numba's types."""
+    for kind in kinds:
+        if isinstance(kind, types.BaseTuple):
+            yield tuple(getattr(kind, "fields", ()))
+            parts: Any = kind
+            yield from _fields_of(parts)
+        elif hasattr(kind, "contents"):  # Those of kernel arguments.
+            yield from _fields_of((kind.contents,))
 
 
 def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
@@ -156,42 +185,3 @@ def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list
     populate: Any = populate_array
     populate(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
     return array._getvalue()
-
-
-PACKAGES = ("albot_core", "albot_maps", "albot_env")
-"""The packages that have compiled functions."""
-_MARKS = (b"numba", b"albot_core.kernels.compiled")
-_IMPORTED = re.compile(rb"^\s*(?:from|import) ([\w.]+)", re.MULTILINE)
-
-
-@cache
-def kernel_stamp() -> str:
-    """A digest of all files of ours that compiled functions are made from."""
-    folders = []
-    for package in PACKAGES:
-        spec = find_spec(package)
-        folders += (spec.submodule_search_locations or []) if spec is not None else []
-    return digest(map(Path, folders))
-
-
-def digest(packages: Iterable[Path]) -> str:
-    """A digest of the files that use kernels, and of the modules that these import.
-
-    Args:
-        packages: The folders of the packages, named as these are; no others are read.
-    """
-    sources = {}
-    for package in packages:
-        for path in package.rglob("*.py"):
-            parts = package.name, *path.relative_to(package).with_suffix("").parts
-            sources[".".join(parts).removesuffix(".__init__").encode()] = path.read_bytes()
-    waiting = [name for name, text in sources.items() if any(mark in text for mark in _MARKS)]
-    reached = set(waiting)
-    while waiting:
-        found = {name for name in _IMPORTED.findall(sources[waiting.pop()]) if name in sources}
-        waiting += found - reached
-        reached |= found
-    summed = hashlib.sha256()
-    for name in sorted(reached):
-        summed.update(name + b"\0" + hashlib.sha256(sources[name]).digest())
-    return summed.hexdigest()

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +13,7 @@ from numba.core.errors import TypingError
 
 from albot_core.kernels.compiled import (
     array_at,
-    digest,
     kernel,
-    kernel_stamp,
     load_element,
     scratch,
 )
@@ -93,59 +89,6 @@ def test_elements_are_those_at_their_places(kind: type) -> None:
     picked = np.empty(999, kind)
     _pick(numbers, places, picked)
     np.testing.assert_array_equal(picked, numbers[places])
-
-
-def test_compiled_code_is_kept_until_any_kernel_changes(tmp_path: Path) -> None:
-    stamped: Any = _fill
-    assert kernel_stamp() in stamped._cache._cache_file._version
-    package = tmp_path / "package"
-    (package / "parts").mkdir(parents=True)
-    caller, called, constant, plain = (
-        package / name for name in ("caller.py", "parts/called.py", "constant.py", "plain.py")
-    )
-    marked = "from albot_core.kernels.compiled import kernel\n"
-    caller.write_text(marked + "from package.constant import ONE\n", encoding="utf-8")
-    called.write_text(marked, encoding="utf-8")
-    for path in (constant, plain):
-        path.write_text("ONE = 1\n", encoding="utf-8")
-    digests = [digest([package])]
-    plain.write_text("ONE = 2\n", encoding="utf-8")
-    assert digest([package]) == digests[0]
-    constant.write_text("ONE = 2\n", encoding="utf-8")  # Compiled into its user's code.
-    digests.append(digest([package]))
-    called.write_text(marked + "TWO = 2\n", encoding="utf-8")
-    digests.append(digest([package]))
-    called.unlink()
-    digests.append(digest([package]))
-    assert len(set(digests)) == len(digests)
-
-
-def test_what_was_kept_for_other_kernels_is_not_opened(tmp_path: Path) -> None:
-    """It may name types that are gone since, with which it could not be read at all."""
-    (tmp_path / "adding.py").write_text(
-        "from albot_core.kernels import compiled\n"
-        "compiled.kernel_stamp = lambda: __import__('sys').argv[1]\n"
-        "@compiled.kernel()\n"
-        "def double(thing):\n"
-        "    return 2.0 * thing.x\n",
-        encoding="utf-8",
-    )
-
-    def doubled(stamp: str, kind: str) -> str:
-        thing = f"from typing import NamedTuple\nclass {kind}(NamedTuple):\n    x: float\n"
-        (tmp_path / "things.py").write_text(thing, encoding="utf-8")
-        code = f"import adding, things; print(adding.double(things.{kind}(1.5)))"
-        command = [sys.executable, "-c", code, stamp]
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
-        environment["PYTHONPATH"] = os.pathsep.join((str(tmp_path), *sys.path))
-        # Python would take the bytecode of a file that was as long, and written in the same second.
-        environment["PYTHONDONTWRITEBYTECODE"] = "1"
-        run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        return run.stdout.strip() or run.stderr
-
-    assert doubled("first", "Old") == "3.0"
-    assert list((tmp_path / "kept").rglob("*.nbi"))
-    assert doubled("second", "New") == "3.0"
 
 
 def test_a_kernel_that_makes_arrays_must_say_so() -> None:
