@@ -56,6 +56,10 @@ agreeing directions (as for a turn, see `turn_cost`)."""
 CHANGE_COST = 0.1
 """Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
 of agreeing directions: along a corridor the views cannot tell it."""
+STANDING, ALIKE = 0.05, 0.9
+"""Without an odometer a robot that moved less than this between the last two views (m) stands still
+where the next view's profile agrees with the last one's by more than this: with a few centimetres'
+motion it does not."""
 
 _trial, _of_one = scratch(3), scratch(TURNS)
 
@@ -101,6 +105,25 @@ def propose_motion(
     while score > -np.inf and _is_aligned(turn, trial, motion, turns):
         score, turn = take_motion(scores, shifts, motion, trial)
     return score, turn
+
+
+@kernel()
+def stands_still(
+    previous: LocatedView,
+    motion: np.ndarray,
+    directions: int,
+    odometer: np.ndarray,
+    buffers: MatchBuffers,
+) -> bool:
+    """Whether a robot without an odometer, which may be one that has not moved yet, stands still.
+
+    Most robots do before they first move. To look for a motion takes twenty times as long as all
+    the rest.
+    """
+    x, y = odometer[LAST_X], odometer[LAST_Y]
+    if x * x + y * y >= STANDING * STANDING:
+        return False
+    return bool(agreement_after(previous, motion, directions, buffers) > ALIKE)
 
 
 @kernel()

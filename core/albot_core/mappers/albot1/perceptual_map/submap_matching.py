@@ -13,7 +13,8 @@ real logs the turn often is not so good. Here
 How sure a match is decides how widely to search. Where two turns are about as likely both are
 aligned; where little of the view is explained, the odometer's motion is, and motions farther off
 are, one after another. Without an odometer all motions found are aligned as long as no match is
-sure; then only those that are about as likely as the likeliest.
+sure; then only those that are about as likely as the likeliest. Where such a robot seems to stand
+as it stood before, none is looked for.
 
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
@@ -40,6 +41,7 @@ from albot_core.mappers.albot1.perceptual_map.motion_search import (
     is_likely,
     motion_cost,
     propose_motion,
+    stands_still,
 )
 from albot_core.mappers.albot1.perceptual_map.near_walls import list_ends_near, list_walls_along
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
@@ -137,10 +139,16 @@ def match_submap(
     known = (scale, directions, odometer, buffers, scores, shifts)
     rivals = (previous, motion, scale, limits, odometer, directions, buffers)
     scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
-    for k in range(GUESSES if is_missing else MOTIONS):
+    stands = is_missing and stands_still(previous, motion, directions, odometer, buffers)
+    guesses = GUESSES if is_missing else MOTIONS
+    for k in range(1 if stands else guesses):
         if not is_missing and k >= ALWAYS and share >= limits.unsure:
             break
-        score, turn = propose_motion(k, first, previous, motion, limits, *known, turns, trial)
+        if stands:
+            copy_pose(motion, trial)
+            score, turn = 1.0, 0.0
+        else:
+            score, turn = propose_motion(k, first, previous, motion, limits, *known, turns, trial)
         first = score if k == 0 else first
         is_first_search = not is_missing and k < BY_TURN
         if not is_likely(k, score, first, share >= limits.unsure, odometer):

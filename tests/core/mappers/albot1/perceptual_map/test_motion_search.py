@@ -7,13 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from albot_core.geometry.poses import compose, inverse
+from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.mappers.albot1.config import Albot1Config
+from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.perceptual_map.memory import empty_view
 from albot_core.mappers.albot1.perceptual_map.motion_search import (
     CHANGE_COST,
     SHIFT_COST,
+    STANDING,
     motion_cost,
+    stands_still,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
@@ -30,6 +33,8 @@ from albot_core.mappers.albot1.perceptual_map.range_profile import (
 )
 from albot_core.mappers.albot1.perceptual_map.submap import describe_seen, make_match_buffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import _worth
+from tests.core.mappers.slam.rooms import ROOM as HALL
+from tests.core.mappers.slam.rooms import reading_from
 from tests.core.scenes import ROOM
 
 LIMITS = Albot1Config().limits
@@ -99,3 +104,34 @@ def test_a_match_is_worth_the_same_from_wherever_it_came_to_its_pose(
     assert worths[0] == pytest.approx(worths[1], abs=1e-2)
     far = np.add(motion, (3.0, 0.0, 2.0))
     assert _worth(0.7, np.array(a), compose(inverse(np.array(a)), far), *rivals) < worths[0]
+
+
+def test_a_robot_without_an_odometer_stands_still_where_the_next_view_is_as_the_last() -> None:
+    """Else all motions would be searched at each view until it first moves."""
+    previous, moved = empty_view(), np.array((0.2, 0.1, 0.05))
+    previous.size[0] = len(ROOM)
+    previous.surfaces[: len(ROOM)] = ROOM
+    odometer, still = unknown_odometer(), np.zeros(3)
+
+    def stands(motion: np.ndarray) -> bool:
+        buffers = make_match_buffers(len(ROOM), len(ROOM))
+        current = empty_view(len(ROOM))
+        current.size[0] = len(ROOM)
+        current.surfaces[: len(ROOM)] = transform_segments(inverse(motion), ROOM)
+        seen = buffers.seen[: describe_seen(current, buffers)]
+        directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
+        return bool(stands_still(previous, still, directions, odometer, buffers))
+
+    assert stands(still)
+    assert stands(np.array((0.005, 0.0, 0.002)))
+    assert not stands(moved)
+    odometer[LAST_Y] = -STANDING
+    assert not stands(still), "along a corridor it may go on as before"
+
+
+def test_a_robot_without_an_odometer_that_sets_off_slowly_is_followed() -> None:
+    mapper, pose = Albot1(), np.zeros(3)
+    for step in (*[0.0] * 5, *np.linspace(0.005, 0.3, 12)):
+        pose = compose(pose, np.array((step, 0.0, 0.1 * step)))
+        mapper.update(reading_from(pose, np.zeros(3), HALL))
+    np.testing.assert_allclose(mapper.estimate.pose, pose, atol=0.03)
