@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Discrete, Space
 from jaxtyping import Float32
+
+from albot_core.errors import InputError
+from albot_core.planning.steering import Command
+from albot_env.tasks.core.actions import DRIVING, ActionConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 Action = Float32[np.ndarray, "numbers"]
 """Speed and turn rate as shares of what the environment allows, in [-1, 1]. A third number above
@@ -50,12 +55,76 @@ def choose_action(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Ac
     return agent.act(observation, info if agent.knows_truth else {})
 
 
-def fill_action(driving: Float32[np.ndarray, "2"], actions: Box, *, flag: bool = False) -> Action:
-    """Return an action from speed and turn rate; `flag` sets the third number to 1, else -1."""
-    (length,) = actions.shape
-    action = np.full(length, 1.0 if flag else -1.0, np.float32)
-    action[:2] = driving
-    return action
+class EnvironmentConfigs(NamedTuple):
+    """What an agent is told of its environment."""
+
+    observations: ObservationConfig
+    """How observations are made of readings."""
+    actions: ActionConfig
+    """What the numbers of an action stand for."""
+
+    @classmethod
+    def of(cls, env: gymnasium.Env[Any, Any]) -> EnvironmentConfigs:
+        """Return those of an environment, which may be wrapped."""
+        names = "observation_config", "action_config"
+        return cls(*map(env.get_wrapper_attr, names))
+
+
+class Commands:
+    """Turns drive commands into the actions of an environment, continuous or discrete.
+
+    Of the discrete actions that one is taken which is nearest to the command and to what the
+    actions before fell short of theirs: so speeds between two actions are driven on average, by
+    now one and now the other (first-order noise shaping, as in a delta-sigma modulator).
+
+    Args:
+        action_config: The environment's action config, which tells the scales.
+    """
+
+    def __init__(self, action_config: ActionConfig) -> None:
+        self._config = action_config
+
+    def reset(self, actions: Space[Any], who: str) -> None:
+        """Begin an episode with this space of actions.
+
+        Raises:
+            InputError: It is no space of speeds and turn rates.
+        """
+        self._is_discrete = isinstance(actions, Discrete)
+        self._numbers = int(actions.n) if isinstance(actions, Discrete) else 0
+        if isinstance(actions, Box) and len(actions.shape) == 1:
+            self._numbers = actions.shape[0]
+        if self._numbers < (len(DRIVING) if self._is_discrete else 2):
+            expected = (
+                f"2 numbers or more, or {len(DRIVING)} discrete actions or more, to drive with"
+            )
+            raise InputError(who, expected, str(actions), place="actions")
+        self._lacking = np.zeros(2)
+        self._flagged = False
+
+    def action(self, command: Command, *, flag: bool = False) -> Action | np.int64:
+        """Return the action for a command: speed (m/s) and turn rate (rad/s).
+
+        Args:
+            command: The command.
+            flag: Whether the third number declares home, or claims to know the place. A discrete
+                action that does so also stops the robot, so of several in a row only the first
+                does.
+        """
+        shares = self._config.shares(command)
+        if not self._is_discrete:
+            action = np.full(self._numbers, 1.0 if flag else -1.0, np.float32)
+            action[:2] = shares
+            return action
+        is_first, self._flagged = flag and not self._flagged, flag
+        if is_first and self._numbers > len(DRIVING):
+            return np.int64(len(DRIVING))
+        choices = np.array(DRIVING)
+        # What no action can do is not made up for later.
+        wanted = np.clip(shares, choices.min(axis=0), choices.max(axis=0)) + self._lacking
+        choice = int(np.argmin(np.hypot(*(choices - wanted).T)))
+        self._lacking = np.clip(wanted - choices[choice], -0.5, 0.5)
+        return np.int64(choice)
 
 
 def begin_episode(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from albot_agents.agent import Agent
+from albot_agents.agent import Agent, EnvironmentConfigs
 from albot_agents.scripted.exploring import (
     AssociationExplorer,
     GapExplorerAgent,
@@ -29,6 +29,7 @@ from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, re
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError, did_you_mean
 from albot_core.files import exists
+from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
@@ -44,8 +45,8 @@ class AgentEntry:
 
     summary: str
     """What it does, in one line."""
-    make: Callable[[ObservationConfig, str | None], Agent]
-    """Makes the agent from the environment's observation config, and its id if known."""
+    make: Callable[[EnvironmentConfigs, str | None], Agent]
+    """Makes the agent for an environment, whose id may be known."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it can attempt."""
     mapper: str = "albot1"
@@ -56,9 +57,10 @@ class AgentEntry:
     """The file of a trained agent; None for a scripted one."""
 
     @property
-    def observation_config(self) -> ObservationConfig:
-        """The observation config that the agent expects."""
-        return (self.file and self.file.observation_config) or DEFAULT_OBSERVATIONS
+    def configs(self) -> EnvironmentConfigs:
+        """The environment that the agent expects."""
+        seen = (self.file and self.file.observation_config) or DEFAULT_OBSERVATIONS
+        return EnvironmentConfigs(seen, ActionConfig() if self.file is None else self.file.actions)
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings of an environment in which the agent can act.
@@ -91,15 +93,15 @@ class AgentEntry:
         )
 
 
-def _driving(kind: Callable[..., Agent]) -> Callable[[ObservationConfig, str | None], Agent]:
+def _driving(kind: Callable[..., Agent]) -> Callable[[EnvironmentConfigs, str | None], Agent]:
     """Return a maker of a driving agent, which claims places in exploration, else declares home."""
-    return lambda observation_config, task: kind(observation_config, claims=task == EXPLORE)
+    return lambda configs, task: kind(configs, claims=task == EXPLORE)
 
 
 AGENTS = {
     Albot0Homing.name: AgentEntry(
         summary="Drives home by sonar alone, until Albot0 says that it is in the home ASR.",
-        make=lambda observation_config, _: Albot0Homing(observation_config),
+        make=lambda configs, _: Albot0Homing(configs),
         tasks=(HOMING,),
         mapper="albot0",
         sensors={"laser": "none"},
@@ -151,7 +153,7 @@ AGENTS = {
     ),
     PlaceJudge.name: AgentEntry(
         summary="Judges which place it has seen before, by match scores; does not drive.",
-        make=lambda observation_config, _: PlaceJudge(observation_config),
+        make=lambda configs, _: PlaceJudge(configs),
         tasks=(PLACES,),
     ),
     RandomAgent.name: AgentEntry(
@@ -168,7 +170,7 @@ AGENTS = {
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
-        make=lambda observation_config, _: RoundTripAgent(observation_config),
+        make=lambda configs, _: RoundTripAgent(configs),
         tasks=(ROUND_TRIP,),
     ),
 }
@@ -220,7 +222,7 @@ def _trained(name: str, path: Path) -> AgentEntry:
     sees = f"; it sees {', '.join(parts)}" if parts else ""
     return AgentEntry(
         summary=f"Trained for {file.task} by {algorithm}, mapper {mapper}{sees}.",
-        make=lambda observation_config, _: TrainedAgent(name, file, observation_config),
+        make=lambda configs, _: TrainedAgent(name, file, configs),
         mapper=mapper,
         tasks=(file.task,),
         file=file,
@@ -228,21 +230,19 @@ def _trained(name: str, path: Path) -> AgentEntry:
 
 
 def make_agent(
-    name: str, observation_config: ObservationConfig | None = None, task: str | None = None
+    name: str, configs: EnvironmentConfigs | None = None, task: str | None = None
 ) -> Agent:
     """Make an agent.
 
     Args:
         name: One of `agent_names`, or the path of a trained agent's file.
-        observation_config: The agent's environment's own `observation_config`. By default, the
-            usual one, or for a trained agent the one of its training.
+        configs: What the agent is told of its environment (`EnvironmentConfigs.of(env)`). By
+            default, what is usual, or for a trained agent that of its training.
         task: Id of that environment. If None, the agent never claims to know a place.
 
     Raises:
         InputError: No agent has this name, the file is not an agent file, or the agent was
-            trained with other observations.
+            trained with other observations or actions.
     """
     entry = find_agent(name)
-    return entry.make(
-        entry.observation_config if observation_config is None else observation_config, task
-    )
+    return entry.make(entry.configs if configs is None else configs, task)

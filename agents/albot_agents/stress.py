@@ -17,7 +17,7 @@ import gymnasium
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.agent import begin_episode, choose_action
+from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
@@ -232,7 +232,7 @@ def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     env = episode.make()
     try:
         observation_config = env.get_wrapper_attr("observation_config")
-        agent = make_agent(episode.agent, observation_config, ENVIRONMENT)
+        agent = make_agent(episode.agent, EnvironmentConfigs.of(env), ENVIRONMENT)
         recorder = LastMoment()
         env.set_wrapper_attr("recorder", recorder)
         world = load_world(episode.world)

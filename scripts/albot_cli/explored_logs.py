@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium
 
-from albot_agents.agent import begin_episode, choose_action
+from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import EXPLORE, check_agent, find_agent
 from albot_agents.workers import TaskRunner, run_parallel
 from albot_cli.progress import progress
@@ -67,9 +67,7 @@ def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _:
     assert isinstance(inside, SingleEnv)
     inside.recorder = kept
     try:
-        agent = find_agent(exploration.agent).make(
-            env.get_wrapper_attr("observation_config"), EXPLORE
-        )
+        agent = find_agent(exploration.agent).make(EnvironmentConfigs.of(env), EXPLORE)
         observation, info = begin_episode(env, agent, exploration.seed)
         for step in range(exploration.steps):
             on_step(step)

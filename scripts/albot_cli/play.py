@@ -212,6 +212,7 @@ def _run(
     """Run an episode and return its summary. `sensors` holds the presets of `SENSORS`."""
     import gymnasium
 
+    from albot_agents.agent import EnvironmentConfigs
     from albot_cli.episodes import RunningEpisode
     from albot_cli.keyboard import ENTER_MEANINGS, Keyboard
     from albot_cli.watch import keys_expected, open_viewer, watch
@@ -234,7 +235,7 @@ def _run(
     if mapper_config is not None:
         settings["mapper_config"] = read_robots_config(mapper, mapper_config)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
-    driver = entry.make(env.get_wrapper_attr("observation_config"), task)
+    driver = entry.make(EnvironmentConfigs.of(env), task)
     inside = env.unwrapped
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)

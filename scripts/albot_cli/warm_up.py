@@ -85,13 +85,14 @@ def _run_agent(agent: str, task: str) -> None:
     """Let an agent act in one single environment."""
     import gymnasium
 
+    from albot_agents.agent import EnvironmentConfigs
     from albot_agents.registry import find_agent
     from albot_cli.episodes import RunningEpisode
 
     entry = find_agent(agent)
     settings = entry.environment(task, {"world": WORLD, "render_mode": "rgb_array"})
     env = gymnasium.make(task, max_episode_steps=STEPS, disable_env_checker=True, **settings)
-    driver = entry.make(env.get_wrapper_attr("observation_config"), task)
+    driver = entry.make(EnvironmentConfigs.of(env), task)
     episode = RunningEpisode(env, driver, 0, steps=STEPS)
     while not episode.over:
         episode.advance()

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
-from albot_agents.agent import Agent, begin_episode, choose_action
+from albot_agents.agent import Agent, EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, make_agent
+from albot_agents.task import config_kind
 from albot_core.errors import InputError
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
 
 JUDGES = {"place-judge", "place-recognition"}
 """Those who judge places and drive nothing."""
+DRIVERS = [
+    (name, task)
+    for task in DRIVEN
+    for name in AGENTS
+    if task in AGENTS[name].tasks and name != "random"
+]
+"""Scripted agents that give commands, and their tasks."""
 WHO_ACTS_WHERE = [(name, task) for task in IDS for name in agent_names(task)]
 
 
@@ -27,7 +36,7 @@ def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]
     if name == "place-recognition":
         wanted["config"] = None  # It was trained with longer tours.
     env = gymnasium.make(environment, **entry.environment(environment, wanted))
-    return make_agent(name, env.get_wrapper_attr("observation_config")), env
+    return make_agent(name, EnvironmentConfigs.of(env)), env
 
 
 def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
@@ -40,6 +49,50 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
         if over:
             break
     return actions
+
+
+@pytest.mark.parametrize(("name", "task"), DRIVERS)
+def test_an_agent_drives_as_fast_whatever_its_actions_stand_for(name: str, task: str) -> None:
+    """Its commands are in m/s and rad/s: only where they exceed an action's limit are they cut."""
+    usual = _driven(name, task, {})
+    if name != "oracle":  # It drives and turns as fast as its actions let it.
+        doubled = _driven(name, task, {"speed": 2.0, "turn_rate": 4.0})
+        np.testing.assert_allclose(doubled, usual, atol=1e-3)
+    slow = _speeds(_driven(name, task, {"speed": 0.25}))
+    assert slow.max() < 0.26
+    assert slow.sum() > 0.8 * np.minimum(_speeds(usual), 0.25).sum()
+
+
+@pytest.mark.parametrize(("name", "task"), DRIVERS)
+def test_an_agent_drives_about_as_far_by_discrete_actions(name: str, task: str) -> None:
+    forms = "continuous", "discrete"
+    usual, discrete = (0.1 * _speeds(_driven(name, task, {}, form)).sum() for form in forms)
+    assert 0.4 * usual - 0.2 < discrete < 1.6 * usual + 0.2
+
+
+def _speeds(poses: np.ndarray) -> np.ndarray:
+    """How fast the robot is from step to step (m/s)."""
+    return np.asarray(np.hypot(*np.diff(poses[:, :2], axis=0).T) / 0.1)
+
+
+def _driven(name: str, task: str, scales: dict[str, float], form: str = "continuous") -> np.ndarray:
+    """The poses (steps, 3) of an agent that drives for fifteen seconds."""
+    entry, settings = find_agent(name), {"world": LOOP, "action": form, **SETTINGS.get(task, {})}
+    config = settings.get("config") or config_kind(task)()
+    settings["config"] = replace(config, actions=replace(config.actions, **scales))
+    env = gymnasium.make(task, **entry.environment(task, settings))
+    agent = make_agent(name, EnvironmentConfigs.of(env), task)
+    observation, info = begin_episode(env, agent, 3)
+    poses = [info["pose"]]
+    for _ in range(150):
+        action = choose_action(agent, observation, info)
+        assert action in env.action_space
+        observation, _, over, _, info = env.step(action)
+        poses.append(info["pose"])
+        if over:
+            break
+    env.close()
+    return np.array(poses)
 
 
 def test_the_agents_are_these() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import albot_env
-from albot_agents.agent import choose_action
+from albot_agents.agent import EnvironmentConfigs, choose_action
 from albot_agents.registry import make_agent
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -25,8 +25,7 @@ def journey() -> str:
     digest = hashlib.sha256()
     for world, name in (("office-ring", "gap-explorer"), ("random:hall:7", "nearest-frontier")):
         env = gymnasium.make("Albot/Explore-v0", world=world, max_episode_steps=250)
-        observation_config = env.get_wrapper_attr("observation_config")
-        agent = make_agent(name, observation_config)
+        agent = make_agent(name, EnvironmentConfigs.of(env))
         agent.reset(np.random.default_rng(3), env.action_space)
         observation, info = env.reset(seed=3)
         over = False

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from gymnasium.utils.env_checker import check_env
 
+from albot_agents.agent import EnvironmentConfigs
 from albot_agents.registry import agent_names, make_agent
 from albot_cli.group import albot
 from albot_core.errors import InputError
@@ -93,11 +94,11 @@ def test_mappers_and_agents_that_need_one_are_refused_by_name() -> None:
     with pytest.raises(InputError, match="albot1, which needs laser"):
         gymnasium.make("Albot/Explore-v0", laser="none", mapper="albot1")
     env = make("Albot/Explore-v0", laser="none")
-    observation_config = env.get_wrapper_attr("observation_config")
+    configs = EnvironmentConfigs.of(env)
     for name in ("gap-explorer", "nearest-frontier"):
         assert name in agent_names("Albot/Explore-v0")
         with pytest.raises(InputError, match=f"{name}: expected observations with the part laser"):
-            make_agent(name, observation_config, "Albot/Explore-v0")
+            make_agent(name, configs, "Albot/Explore-v0")
 
 
 def test_places_are_recognised_by_laser_alone() -> None:

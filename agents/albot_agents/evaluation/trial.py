@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.agent import begin_episode, choose_action
+from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.evaluation.plan import Trial
 from albot_agents.registry import make_agent
 from albot_agents.workers import TaskRunner
@@ -59,7 +59,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
     """
     env = trial.make()
     try:
-        agent = make_agent(trial.agent, env.get_wrapper_attr("observation_config"), trial.task)
+        agent = make_agent(trial.agent, EnvironmentConfigs.of(env), trial.task)
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
         begin = info["pose"]

@@ -10,14 +10,13 @@ import math
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Space
 
-from albot_agents.agent import Action, fill_action
+from albot_agents.agent import Action, Commands, EnvironmentConfigs
 from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.planning.navigator import KnownWay
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command
-from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
 SENSED_PARTS = ("laser", "motion", "heading", "home")
@@ -39,7 +38,7 @@ class DrivingAgent(Generic[DriverT]):
     """An agent that executes the commands of a planner.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
         driver: The planner.
         claims: Whether the third number of an action claims to know the place, which the agent
             does where the mapper recognises it. Otherwise that number declares home.
@@ -52,30 +51,35 @@ class DrivingAgent(Generic[DriverT]):
     knows_truth: ClassVar[bool] = False
 
     def __init__(
-        self, observation_config: ObservationConfig, driver: DriverT, *, claims: bool = False
+        self, configs: EnvironmentConfigs, driver: DriverT, *, claims: bool = False
     ) -> None:
-        observation_config.require(SENSED_PARTS, self.name)
-        self._observation_config = observation_config
+        configs.observations.require(SENSED_PARTS, self.name)
+        self._observation_config = configs.observations
+        self._commands = Commands(configs.actions)
         self._driver = driver
         self._claims = claims
 
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin a new episode."""
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
+        """Begin a new episode.
+
+        Raises:
+            InputError: The actions are not those of the environment's action config.
+        """
         self._driver.reset(rng)
-        self._actions = actions
+        self._commands.reset(actions, self.name)
 
     def _decode(self, observation: Any) -> Percept:
         """Return the sensor readings in an observation."""
         return decode_observation(observation, self._observation_config)
 
-    def _drive(self, command: Command, observation: Any) -> Action:
+    def _drive(self, command: Command, observation: Any) -> Action | np.int64:
         """Return the action for a command, with the claim to know the place if `claims` is set."""
         knows = self._claims and decode_recognition(observation, self._observation_config)
-        return fill_action(ActionConfig().shares(command), self._actions, flag=knows)
+        return self._commands.action(command, flag=knows)
 
-    def _declare(self) -> Action:
+    def _declare(self) -> Action | np.int64:
         """Return the action that stops, and declares home unless `claims` is set."""
-        return fill_action(np.zeros(2, np.float32), self._actions, flag=not self._claims)
+        return self._commands.action(np.zeros(2), flag=not self._claims)
 
 
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Discrete, Space
 
-from albot_agents.agent import Action
+from albot_agents.agent import Action, EnvironmentConfigs
 from albot_agents.scripted.driving import (
     DrivingAgent,
     decode_time_left,
@@ -18,14 +18,13 @@ from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.minimal_space_explorer import MinimalSpaceExplorer
-from albot_env.tasks.core.observation import ObservationConfig
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
     """Explores from gap to gap; near gaps with much new ground come first.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -34,13 +33,13 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     _GAIN: ClassVar[float] = 4.0
     """Driving distance (m) that completely new ground is worth (see `GapExplorerConfig.gain`)."""
 
-    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
         config = GapExplorerConfig(
-            coverage_range=observation_config.coverage.radius, gain=self._GAIN
+            coverage_range=configs.observations.coverage.radius, gain=self._GAIN
         )
-        super().__init__(observation_config, GapExplorer(config), claims=claims)
+        super().__init__(configs, GapExplorer(config), claims=claims)
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
@@ -52,16 +51,16 @@ class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
     (2015). It has no memory, and covers less ground than the other explorers.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "association-explorer"
 
-    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observation_config, MinimalSpaceExplorer(), claims=claims)
+    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+        super().__init__(configs, MinimalSpaceExplorer(), claims=claims)
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
@@ -70,18 +69,18 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
     """Explores by driving to the nearest frontier of the covered ground.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "nearest-frontier"
 
-    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
         super().__init__(
-            observation_config, FrontierExplorer(observation_config.coverage.radius), claims=claims
+            configs, FrontierExplorer(configs.observations.coverage.radius), claims=claims
         )
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
@@ -92,7 +91,7 @@ class RoundTripAgent:
     It takes the length of the way home from the mapper's confidence, which falls with that length.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
     """
 
     name: ClassVar[str] = "round-trip"
@@ -103,12 +102,12 @@ class RoundTripAgent:
     SPARE = 15.0
     """Time kept in reserve (s)."""
 
-    def __init__(self, observation_config: ObservationConfig) -> None:
-        self._observation_config = observation_config
-        self._explorer = GapExplorerAgent(observation_config)
-        self._homer = Albot1Homing(observation_config)
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        self._observation_config = configs.observations
+        self._explorer = GapExplorerAgent(configs)
+        self._homer = Albot1Homing(configs)
 
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode, exploring.
 
         Raises:
@@ -119,7 +118,7 @@ class RoundTripAgent:
         self._homer.reset(rng, actions)
         self._returns = False
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
         left = decode_time_left(observation, self._observation_config)
         travel = decode_travel_home(observation, self._observation_config)
@@ -136,7 +135,7 @@ class RandomAgent:
     _HOLD = 10
     """Steps for which an action is held; white noise would only jitter on the spot."""
 
-    def reset(self, rng: np.random.Generator, actions: Box | Discrete) -> None:
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
         self._rng = rng
         self._choices = int(actions.n) if isinstance(actions, Discrete) else 0

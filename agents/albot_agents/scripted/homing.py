@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Space
 
-from albot_agents.agent import Action, fill_action
+from albot_agents.agent import Action, Commands, EnvironmentConfigs
 from albot_agents.scripted.driving import (
     DrivingAgent,
     decode_has_exit,
@@ -23,8 +23,6 @@ from albot_core.planning.navigator import GoalSeeker, Navigator
 from albot_core.planning.percept import Percept
 from albot_core.planning.sonar_driver import SonarDriver
 from albot_core.planning.steering import Command, admissible_command
-from albot_env.tasks.core.actions import ActionConfig
-from albot_env.tasks.core.observation import ObservationConfig
 
 
 class MapHoming(DrivingAgent[Navigator]):
@@ -35,8 +33,8 @@ class MapHoming(DrivingAgent[Navigator]):
     laser.
 
     Args:
-        observation_config: The environment's observation config. Without the part `way`, the
-            agent heads straight for home.
+        configs: The environment's configurations of observations and actions. Without the part
+            `way`, the agent heads straight for home.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -45,10 +43,10 @@ class MapHoming(DrivingAgent[Navigator]):
     ARRIVED = 0.3
     """Distance to the estimated home at which it declares home (m)."""
 
-    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observation_config, Navigator(), claims=claims)
+    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+        super().__init__(configs, Navigator(), claims=claims)
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on towards home, or declares home."""
         percept = self._decode(observation)
         home = inverse(percept.pose)[:2]
@@ -97,9 +95,9 @@ class Albot0Homing:
     home. This is our addition: home is a position, and an ASR may be long.
 
     Args:
-        observation_config: The environment's observation config. Without the part `exit` (is
-            there an exit before home?), only the estimated position of home counts; without the
-            part `way`, the agent heads straight for that position.
+        configs: The environment's configurations of observations and actions. Without the part
+            `exit` (is there an exit before home?), only the estimated position of home counts;
+            without the part `way`, the agent heads straight for that position.
 
     Raises:
         InputError: Observations lack one of the parts that it needs.
@@ -116,21 +114,23 @@ class Albot0Homing:
     STALL_STEPS = 600
     """Number of steps in the home ASR after which it declares home anyway."""
 
-    def __init__(self, observation_config: ObservationConfig) -> None:
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        observation_config = configs.observations
         observation_config.require(("sonar", "motion", "home"), self.name)
         assert observation_config.sonar is not None, "shown by the part of that name"
         self._observation_config = observation_config
         self._sonar = observation_config.sonar
         self._driver = SonarDriver()
+        self._commands = Commands(configs.actions)
 
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
         self._driver.reset(rng)
-        self._actions = actions
+        self._commands.reset(actions, self.name)
         self._steps_at_home = 0
         self._nearest = np.inf
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on towards home, or declares home."""
         observation_config = self._observation_config
         home = decode_home(observation, observation_config)
@@ -144,7 +144,7 @@ class Albot0Homing:
         self._nearest = min(self._nearest, distance) if is_at_end else np.inf
         has_passed = distance > self._nearest + self.PASSED
         if is_there or has_passed or self._steps_at_home > self.STALL_STEPS:
-            return fill_action(np.zeros(2, np.float32), self._actions, flag=True)
+            return self._commands.action(np.zeros(2), flag=True)
         ahead = home if known is None else known.ahead
         # At the end of the known way, but not yet in the home ASR, it drives on without a target.
         target = ahead if np.hypot(*ahead) >= self.ARRIVED else None
@@ -153,7 +153,7 @@ class Albot0Homing:
             decode_motion(observation, observation_config),
         )
         command = self._driver.command(ranges, self._sonar, motion, target)
-        return fill_action(ActionConfig().shares(command), self._actions)
+        return self._commands.action(command)
 
 
 class PathIntegration(DrivingAgent[GoalSeeker]):
@@ -164,7 +164,7 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     map is involved.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -173,15 +173,15 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     ARRIVED = 0.2
     """Length of the home vector below which it declares home (m)."""
 
-    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observation_config, GoalSeeker(), claims=claims)
+    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+        super().__init__(configs, GoalSeeker(), claims=claims)
 
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
         super().reset(rng, actions)
         self._pose: Pose | None = None
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on towards home, or declares home."""
         percept = self._decode(observation)
         self._pose = percept.pose if self._pose is None else compose(self._pose, percept.motion)
@@ -201,7 +201,7 @@ class Oracle(DrivingAgent[GoalSeeker]):
     its laser.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -226,16 +226,16 @@ class Oracle(DrivingAgent[GoalSeeker]):
     NEARER = 0.1
     """Least decrease of the way home that counts as progress (m)."""
 
-    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observation_config, GoalSeeker(), claims=claims)
+    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+        super().__init__(configs, GoalSeeker(), claims=claims)
 
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
         super().reset(rng, actions)
         self._nearest = np.inf
         self._steps_without_progress = 0
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on along the shortest path, or declares home."""
         pose, home = info["pose"], info["start"][:2]
         distance = float(np.hypot(*(home - pose[:2])))

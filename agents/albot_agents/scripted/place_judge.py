@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_agents.agent import EnvironmentConfigs
 from albot_env.tasks.place_recognition.spaces import FEATURES, NEW
 
 WEIGHTS = {"agreed": 1.0, "sight": 0.5, "share": 0.3, "place": 0.2, "shift": -0.3}
@@ -24,14 +24,14 @@ class PlaceJudge:
     position, which it cannot do through a wall.
 
     Args:
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
     """
 
     name: ClassVar[str] = "place-judge"
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, observation_config: ObservationConfig) -> None:
-        self._observation_config = observation_config
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        self._observation_config = configs.observations
         self._weights = np.array([WEIGHTS.get(name, 0.0) for name in FEATURES])
 
     def reset(self, rng: np.random.Generator, actions: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
 from albot_core.plain_data import Location, read_config, read_record, to_plain
 from albot_core.yaml_document import format_value
+from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
@@ -83,6 +84,14 @@ class AgentFile:
         if data is None:
             return None
         return read_config(ObservationConfig, data, Location("the agent's observations"))
+
+    @property
+    def actions(self) -> ActionConfig:
+        """What the numbers of an action stood for in training."""
+        data = self.settings["config"].get("actions", {})
+        names = (scale.name for scale in fields(ActionConfig))
+        scales = {name: data[name] for name in names if name in data}
+        return read_config(ActionConfig, scales, Location("the agent's actions"))
 
     @property
     def fingerprint(self) -> str:

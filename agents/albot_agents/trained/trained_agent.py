@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import resources
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,12 +13,12 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 from jaxtyping import Float32
 
-from albot_agents.agent import Action
+from albot_agents.agent import Action, EnvironmentConfigs
 from albot_agents.trained.agent_file import SUFFIX, AgentFile
 from albot_agents.trained.network import CANDIDATES, Network
 from albot_core.errors import InputError
 from albot_core.plain_data import differences, to_plain
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.actions import ActionConfig
 
 _FOLDER = Path(str(resources.files("albot_agents.trained")))
 """Folder of the trained agents that come with the project."""
@@ -29,27 +30,30 @@ class TrainedAgent:
     Args:
         name: Its name, or the path of its file.
         file: The content of its file.
-        observation_config: The environment's observation config.
+        configs: The environment's configurations of observations and actions.
 
     Raises:
-        InputError: The observation config differs from the one in training; the message says in
-            what.
+        InputError: They differ from those in training; the message says in what.
     """
 
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, name: str, file: AgentFile, observation_config: ObservationConfig) -> None:
+    def __init__(self, name: str, file: AgentFile, configs: EnvironmentConfigs) -> None:
         self.name = name
         self._file = file
-        self._observation_config = observation_config
+        self._observation_config = configs.observations
         self._network = Network(file.network, file.weights)
         self._rng = np.random.default_rng(0)  # Until the first reset.
         trained = file.observation_config
-        differing = (
-            [] if trained is None else differences(to_plain(observation_config), to_plain(trained))
-        )
-        if differing:
-            raise InputError(name, "observations as in its training", "; ".join(differing))
+        if trained is None:
+            return  # Its task has one form of observations, and answers for actions.
+        for what, its, learnt in (
+            ("observations", configs.observations, trained),
+            ("actions", _scales_of(configs.actions), _scales_of(file.actions)),
+        ):
+            differing = differences(to_plain(its), to_plain(learnt))
+            if differing:
+                raise InputError(name, f"{what} as in its training", "; ".join(differing))
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode.
@@ -119,6 +123,11 @@ class TrainedAgent:
         if length != network.inputs:
             expected = f"observations of {network.inputs} numbers"
             raise InputError(self.name, expected, f"{length}")
+
+
+def _scales_of(actions: ActionConfig) -> dict[str, float]:
+    """The scales of actions by name; a threshold matters to the environment alone."""
+    return {scale.name: getattr(actions, scale.name) for scale in fields(ActionConfig)}
 
 
 def _told(shapes: Mapping[str, tuple[int, ...]]) -> str:

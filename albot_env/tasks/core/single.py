@@ -79,6 +79,8 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         self._viewer = _open_viewer(render_mode, environment)
         self.observation_config = interface.observation_config
         """How observations are made of readings, with the sensors chosen."""
+        self.action_config = interface.robots.actions
+        """What the numbers of an action stand for."""
         self.action_space = interface.action_space
         self.observation_space = interface.observation_space
         self._begun = self._closed = False

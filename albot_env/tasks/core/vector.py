@@ -114,6 +114,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self._robots: Robots = interface.robots
         self.observation_config = interface.observation_config
         """How observations are made of readings, with the sensors chosen."""
+        self.action_config = interface.robots.actions
+        """What the numbers of an action stand for."""
         self.num_envs = num_envs
         self.autoreset_mode = _choose_mode(autoreset_mode, environment)
         """When environments that are over are reset."""

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.spaces import Box
 
 import albot_env
-from albot_agents.agent import choose_action
+from albot_agents.agent import EnvironmentConfigs, choose_action
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import run_trial
 from albot_agents.registry import make_agent
@@ -27,7 +27,7 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
     """Explore; the last info, and how many steps the robot was in contact."""
     name, start = options.pop("agent", "gap-explorer"), options.pop("start", None)
     env = gymnasium.make("Albot/Explore-v0", world=world, max_episode_steps=steps, **options)
-    agent = make_agent(name, env.get_wrapper_attr("observation_config"))
+    agent = make_agent(name, EnvironmentConfigs.of(env))
     agent.reset(np.random.default_rng(seed), env.action_space)
     observation, info = env.reset(seed=seed, options={} if start is None else {"start": start})
     contacts, over = 0, False

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from albot_agents.agent import begin_episode, choose_action
+from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_agents.registry import make_agent
@@ -54,7 +54,7 @@ def test_path_integration_looks_at_the_belief_only_once() -> None:
     env = HomingEnv("square-loop", mapper="none", config=OUT, observation="dict", sonar="none")
     actions = []
     for nonsense in (False, True):
-        agent = make_agent("path-integration", env.observation_config)
+        agent = make_agent("path-integration", EnvironmentConfigs.of(env))
         agent.reset(np.random.default_rng(0), env.action_space)  # type: ignore[arg-type]
         observation, _ = env.reset(seed=1)
         for _ in range(20):
@@ -93,7 +93,7 @@ assert "Albot/Homing-v0" in IDS
 def _come_home(world: Any, seed: int, **outing: float) -> dict[str, Any]:
     config = HomingConfig(outing=OutwardJourneyConfig(**outing))
     env = gymnasium.make("Albot/Homing-v0", world=world, config=config, max_episode_steps=900)
-    agent = make_agent("albot1-homing", env.get_wrapper_attr("observation_config"))
+    agent = make_agent("albot1-homing", EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, seed)
     over = False
     while not over:
@@ -112,6 +112,6 @@ def test_it_comes_home_from_another_room_without_touching_anything() -> None:
 
 def test_where_no_way_is_shown_it_makes_straight_for_home() -> None:
     env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="odometry")
-    agent = make_agent("albot1-homing", env.get_wrapper_attr("observation_config"))
+    agent = make_agent("albot1-homing", EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 1)
     assert np.array_equal(choose_action(agent, observation, info), [0, 0, 1])

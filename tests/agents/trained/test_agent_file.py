@@ -17,7 +17,7 @@ from gymnasium.spaces import Box, Discrete
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from albot_agents.agent import begin_episode, choose_action
+from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings, read_agent
 from albot_agents.trained.card import read_evaluation, write_card
@@ -25,6 +25,7 @@ from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 from albot_core.plain_data import to_plain
+from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import STROLL
@@ -92,7 +93,7 @@ def test_it_acts_in_the_environment_made_for_it(discrete: bool, tmp_path: Path) 
     assert made["config"].outing == STROLL.outing
     assert made["config"].actions.speed == 0.5
     env = gymnasium.make(TASK, world="square-loop", **made)
-    agent = make_agent(str(tmp_path / "a.albot"), env.get_wrapper_attr("observation_config"))
+    agent = make_agent(str(tmp_path / "a.albot"), EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 3)
     first = choose_action(agent, observation, info)
     for _ in range(3):
@@ -108,7 +109,9 @@ def test_it_acts_in_the_environment_made_for_it(discrete: bool, tmp_path: Path) 
 def test_what_differs_is_said(path: Path) -> None:
     other = ObservationConfig(parts=("laser", "home"), laser_sectors=6, home_range=60.0)
     with pytest.raises(InputError, match=r"home_range 60.0, not 70.0; laser_sectors 6, not 5"):
-        make_agent(str(path), other)
+        make_agent(str(path), EnvironmentConfigs(other, ActionConfig()))
+    with pytest.raises(InputError, match=r"actions as in its training, found turn_rate 1.0, not 2"):
+        make_agent(str(path), EnvironmentConfigs(SEEN, ActionConfig(speed=0.5, turn_rate=1.0)))
     agent = make_agent(str(path))
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="actions as in its training: 3 numbers, found 2 numbers"):
@@ -138,7 +141,7 @@ def test_what_differs_is_said(path: Path) -> None:
 def test_what_is_no_observation_of_its_environment_is_refused(
     path: Path, observation: Any, found: str
 ) -> None:
-    agent = make_agent(str(path), SEEN)
+    agent = make_agent(str(path), EnvironmentConfigs(SEEN, ActionConfig(speed=0.5)))
     agent.reset(np.random.default_rng(0), Box(-1, 1, (3,), np.float32))
     with pytest.raises(InputError, match=found) as caught:
         agent.act(observation, {})

@@ -8,13 +8,14 @@ import gymnasium
 import numpy as np
 import pytest
 
-from albot_agents.agent import begin_episode, choose_action
+from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import write_card
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
 from albot_core.plain_data import deep_merge
+from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 from tests.agents.training.tiny import SMALL, begun
 
@@ -41,14 +42,16 @@ def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
     assert (network.candidates, network.outputs) == (2, 3)
     name = str(folder.last)
     env = gymnasium.make(TASK, world="square-loop", **find_agent(name).environment(TASK, {}))
-    agent = make_agent(name, env.get_wrapper_attr("observation_config"))
+    agent = make_agent(name, EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 3)
     answer = choose_action(agent, observation, info)
     expected, _ = run.learner.predict(observation, deterministic=True)
     assert isinstance(answer, np.int64)
     assert answer == expected
     with pytest.raises(InputError, match="expected observations with the part arrivals"):
-        make_agent(name, ObservationConfig()).reset(np.random.default_rng(0), env.action_space)
+        make_agent(name, EnvironmentConfigs(ObservationConfig(), ActionConfig())).reset(
+            np.random.default_rng(0), env.action_space
+        )
     card, *_ = write_card(read_agent(folder.last), "judge", tmp_path / "judge.md")
     assert "2 candidates of 11 numbers each, 8 tanh, 3 discrete actions" in card.read_text()
 

@@ -11,12 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from albot_agents.agent import EnvironmentConfigs
 from albot_agents.registry import make_agent
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
+from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.observation_parts import observe_confidence, observe_time
 from albot_env.tasks.explore.task import ExploreConfig
@@ -24,6 +26,7 @@ from tests.env.conftest import drive
 from tests.env.tasks.oracles import Coverage, Wayfinding, observe, observe_ranges
 
 CONFIG = ObservationConfig()
+ACTIONS = ActionConfig()
 
 
 @given(st.floats(0.0, 30.0))
@@ -179,6 +182,6 @@ def test_observations_that_cannot_be_are_refused(change, message) -> None:
 
 def test_who_needs_a_part_is_told_that_it_is_missing() -> None:
     with pytest.raises(InputError, match="gap-explorer: expected observations with the part laser"):
-        make_agent("gap-explorer", replace(CONFIG, parts=("home",)))
+        make_agent("gap-explorer", EnvironmentConfigs(replace(CONFIG, parts=("home",)), ACTIONS))
     with pytest.raises(InputError, match="oracle: expected every beam"):
-        make_agent("oracle", replace(CONFIG, laser_sectors=5))
+        make_agent("oracle", EnvironmentConfigs(replace(CONFIG, laser_sectors=5), ACTIONS))

@@ -65,9 +65,32 @@ _trial, _of_one = scratch(3), scratch(TURNS)
 
 
 @kernel()
+def most_motions(
+    previous: LocatedView,
+    motion: np.ndarray,
+    directions: int,
+    odometer: np.ndarray,
+    buffers: MatchBuffers,
+) -> int:
+    """Return how many motions may be aligned.
+
+    It is one, of the odometer's translation, where there is no odometer, or the robot has not moved
+    yet, and the view shows it to stand as it stood before. Most robots do so before they first
+    move, and to look for a motion takes twenty times as long as all the rest.
+    """
+    if odometer[HAS_MOVED] > 0.0:
+        return MOTIONS
+    x, y = odometer[LAST_X], odometer[LAST_Y]
+    if x * x + y * y >= STANDING * STANDING:
+        return GUESSES
+    return 1 if agreement_after(previous, motion, directions, buffers) > ALIKE else GUESSES
+
+
+@kernel()
 def propose_motion(
     k: int,
     first: float,
+    most: int,
     previous: LocatedView,
     motion: np.ndarray,
     limits: Albot1Limits,
@@ -82,15 +105,14 @@ def propose_motion(
 ) -> tuple[float, float]:
     """Propose the motion that is aligned as the `k`-th, as `take_motion` does.
 
-    `first` is the score of the one before all others; with the odometer's translation and `turns`,
-    NaN for none, motions were aligned before.
+    `first` is the score of the one before all others, `most` as `most_motions` says; with the
+    odometer's translation and `turns`, NaN for none, motions were aligned before.
     """
     known = (scale, directions, odometer, buffers, scores, shifts)
     if odometer[HAS_MOVED] == 0.0:
         if k == 0:
-            search_motions(
-                previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, np.inf, limits, *known
-            )
+            cells = GUESS_CELLS if most > 1 else 0
+            search_motions(previous, motion, cells, GUESS_SPACING, np.pi, np.inf, limits, *known)
     elif k == 0:
         widest = min(limits.turn_search, ODD_TURN * scale)
         search_motions(previous, motion, 0, 0.0, widest, NEARLY, limits, *known)
@@ -105,25 +127,6 @@ def propose_motion(
     while score > -np.inf and _is_aligned(turn, trial, motion, turns):
         score, turn = take_motion(scores, shifts, motion, trial)
     return score, turn
-
-
-@kernel()
-def stands_still(
-    previous: LocatedView,
-    motion: np.ndarray,
-    directions: int,
-    odometer: np.ndarray,
-    buffers: MatchBuffers,
-) -> bool:
-    """Whether a robot without an odometer, which may be one that has not moved yet, stands still.
-
-    Most robots do before they first move. To look for a motion takes twenty times as long as all
-    the rest.
-    """
-    x, y = odometer[LAST_X], odometer[LAST_Y]
-    if x * x + y * y >= STANDING * STANDING:
-        return False
-    return bool(agreement_after(previous, motion, directions, buffers) > ALIKE)
 
 
 @kernel()

@@ -35,13 +35,11 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 from albot_core.mappers.albot1.perceptual_map.motion_search import (
     ALWAYS,
     BY_TURN,
-    GUESSES,
-    MOTIONS,
     agreement_after,
     is_likely,
+    most_motions,
     motion_cost,
     propose_motion,
-    stands_still,
 )
 from albot_core.mappers.albot1.perceptual_map.near_walls import list_ends_near, list_walls_along
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
@@ -139,16 +137,11 @@ def match_submap(
     known = (scale, directions, odometer, buffers, scores, shifts)
     rivals = (previous, motion, scale, limits, odometer, directions, buffers)
     scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
-    stands = is_missing and stands_still(previous, motion, directions, odometer, buffers)
-    guesses = GUESSES if is_missing else MOTIONS
-    for k in range(1 if stands else guesses):
+    most = most_motions(previous, motion, directions, odometer, buffers)
+    for k in range(most):
         if not is_missing and k >= ALWAYS and share >= limits.unsure:
             break
-        if stands:
-            copy_pose(motion, trial)
-            score, turn = 1.0, 0.0
-        else:
-            score, turn = propose_motion(k, first, previous, motion, limits, *known, turns, trial)
+        score, turn = propose_motion(k, first, most, previous, motion, limits, *known, turns, trial)
         first = score if k == 0 else first
         is_first_search = not is_missing and k < BY_TURN
         if not is_likely(k, score, first, share >= limits.unsure, odometer):
