@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import click
+import numba
+import numba.core.config
+from llvmlite import binding as llvm
 
 from albot_cli.progress import progress
+from albot_core.files import write_text
+from albot_core.kernels import stamp
+
+_numba: Any = numba.core.config
 
 STEPS = 30
 """Steps of each environment; all of the mapper's code runs in the first few."""
 ROBOTS = 2
 """Number of robots in a batch."""
 WORLD = "square-loop"
+HOMING, PLACES = "Albot/Homing-v0", "Albot/PlaceRecognition-v0"
 MOVABLE = "random:office:0?rooms=4&people=1&boxes=1&doors=1"
 """A world with all kinds of movables."""
 
@@ -30,15 +42,17 @@ def command(as_json: bool) -> None:
 
     The compiled code is cached beside the source, or in the folder that NUMBA_CACHE_DIR names,
     until the package changes. Cached code is not compiled again, so an interrupted call continues
-    where it stopped.
+    where it stopped, and a call after one that was not looks for what it left behind.
     """
     began, parts = time.monotonic(), dict(_parts())
     with _silence(), _counting() as compiled:
-        with progress("warm-up", len(parts), "parts", every=10.0) as update:
-            for done, (name, run) in enumerate(parts.items()):
-                update(done, name)
-                run()
-            update(len(parts))
+        if not _is_marked(parts):
+            with progress("warm-up", len(parts), "parts", every=10.0) as update:
+                for done, (name, run) in enumerate(parts.items()):
+                    update(done, name)
+                    run()
+                update(len(parts))
+            _set_mark(parts)
         seconds = time.monotonic() - began
     if as_json:
         click.echo(json.dumps({"compiled": len(compiled), "seconds": seconds}))
@@ -68,17 +82,77 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
             yield mapper, partial(precompile, mapper)
 
 
+def mark_path() -> Path:
+    """Where a call that came to its end leaves its mark: beside compiled code."""
+    folder = _numba.CACHE_DIR or Path(stamp.__file__).parent / "__pycache__"
+    return Path(folder) / "warm-up.json"
+
+
+def _is_marked(parts: Iterable[str]) -> bool:
+    """Whether all that a call with these parts compiled is there, and is of the same sources."""
+    try:
+        left = json.loads(mark_path().read_text(encoding="utf-8"))
+        return bool(left["of"] == _sources(parts)) and set(left["files"]) <= _indices()
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+
+
+def _set_mark(parts: Iterable[str]) -> None:
+    """Leave the mark, unless compiled code is kept elsewhere, where it cannot be looked for."""
+    path, files = mark_path(), sorted(_indices())
+    if files and os.access(path.parent, os.W_OK):
+        write_text(path, json.dumps({"of": _sources(parts), "files": files}))
+
+
+def _indices() -> set[str]:
+    """The files with the indices of compiled functions."""
+    folders = [Path(_numba.CACHE_DIR)] if _numba.CACHE_DIR else _packages()
+    return {str(path) for folder in folders for path in folder.rglob("*.nbi")}
+
+
+def _sources(parts: Iterable[str]) -> str:
+    """A digest of our sources, of what runs them, and of the names of all parts."""
+    processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    summed = hashlib.sha256(repr((numba.__version__, *processor, *parts)).encode())
+    for folder in _packages():
+        for path in sorted(folder.rglob("*.py")):
+            summed.update(path.read_bytes())
+    return summed.hexdigest()
+
+
+def _packages() -> list[Path]:
+    """The folders of our packages with compiled functions, and of the agents."""
+    specs = map(find_spec, (*stamp.PACKAGES, "albot_agents"))
+    places = (spec.submodule_search_locations or [] for spec in specs if spec is not None)
+    return [Path(place) for found in places for place in found]
+
+
 def _run_batch(task: str = "Albot/Explore-v0", **settings: Any) -> None:
     """Step a batch with random actions."""
     import gymnasium
 
-    settings = {"world": WORLD, "threads": 1, **settings}
+    settings = {"world": WORLD, "threads": 1, **_brief(task), **settings}
     envs: Any = gymnasium.make_vec(task, num_envs=ROBOTS, **settings)
     envs.reset(seed=0)
     envs.action_space.seed(0)
     for _ in range(STEPS):
         envs.step(envs.action_space.sample())
     envs.close()
+
+
+def _brief(task: str) -> dict[str, Any]:
+    """Settings of a task by which an episode begins at once: little is driven beforehand."""
+    from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+    from albot_env.tasks.homing.task import HomingConfig
+    from albot_env.tasks.place_recognition.task import PlaceRecognitionConfig
+    from albot_env.tasks.place_recognition.tours import TourConfig
+
+    stroll = OutwardJourneyConfig(shortest=1.0, longest=2.0, away=0.0)
+    configs = {
+        HOMING: HomingConfig(outing=stroll),
+        PLACES: PlaceRecognitionConfig(tour=TourConfig(arrivals=3)),
+    }
+    return {"config": configs[task], "journeys": 1} if task in configs else {}
 
 
 def _run_agent(agent: str, task: str) -> None:
@@ -90,7 +164,8 @@ def _run_agent(agent: str, task: str) -> None:
     from albot_cli.episodes import RunningEpisode
 
     entry = find_agent(agent)
-    settings = entry.environment(task, {"world": WORLD, "render_mode": "rgb_array"})
+    brief = {} if entry.file is not None and task == PLACES else _brief(task)
+    settings = entry.environment(task, {"world": WORLD, "render_mode": "rgb_array", **brief})
     env = gymnasium.make(task, max_episode_steps=STEPS, disable_env_checker=True, **settings)
     driver = entry.make(EnvironmentConfigs.of(env), task)
     episode = RunningEpisode(env, driver, 0, steps=STEPS)

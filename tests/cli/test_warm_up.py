@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +18,15 @@ from albot_core.kernels.compiled import kernel
 from albot_core.kernels.linking import Kernel
 from albot_core.mappers.registry import installed_mappers
 from albot_env.sim.sensing import sense
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Marks go to a folder of the test's own, which holds one index of compiled code."""
+    (tmp_path / "kept.nbi").touch()
+    monkeypatch.setattr(warm_up, "mark_path", lambda: tmp_path / "warm-up.json")
+    monkeypatch.setattr(warm_up, "_indices", lambda: {str(p) for p in tmp_path.glob("*.nbi")})
+    return tmp_path
 
 
 @kernel()
@@ -37,11 +47,50 @@ def test_warm_up_compiles_what_is_not_compiled(monkeypatch: pytest.MonkeyPatch) 
         return told
 
     assert figures()["compiled"] == 1
+    warm_up.mark_path().unlink()
     assert figures()["compiled"] == 0
     assert silenced == [True, True]
     assert not logger.disabled
     done = CliRunner().invoke(albot, ["warm-up"], catch_exceptions=False)
     assert done.stdout.startswith("0 functions compiled in 0 s")
+
+
+def test_a_second_call_runs_nothing_as_long_as_all_is_as_the_first_left_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+    parts = {"one": lambda: done.append("one")}
+    monkeypatch.setattr(warm_up, "_parts", lambda: iter(parts.items()))
+
+    def run() -> int:
+        before = len(done)
+        CliRunner().invoke(albot, ["warm-up"], catch_exceptions=False)
+        return len(done) - before
+
+    assert [run(), run()] == [1, 0]
+    (folder / "kept.nbi").unlink()  # Compiled code is gone.
+    (folder / "other.nbi").touch()
+    assert [run(), run()] == [1, 0]
+    sources = folder / "package"
+    sources.mkdir()
+    (sources / "kernels.py").write_text("ONE = 1\n", encoding="utf-8")
+    monkeypatch.setattr(warm_up, "_packages", lambda: [sources])
+    assert [run(), run()] == [1, 0]
+    (sources / "kernels.py").write_text("ONE = 2\n", encoding="utf-8")
+    assert [run(), run()] == [1, 0]
+    parts["two"] = lambda: done.append("two")
+    assert [run(), run()] == [2, 0]
+    warm_up.mark_path().write_text("{}", encoding="utf-8")
+    assert [run(), run()] == [2, 0]
+
+
+def test_a_call_that_is_broken_off_leaves_no_mark(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(warm_up, "_parts", lambda: iter([("one", int), ("two", fail)]))
+    CliRunner().invoke(albot, ["warm-up"])
+    assert not warm_up.mark_path().exists()
 
 
 def test_warm_up_says_how_far_it_has_come(monkeypatch: pytest.MonkeyPatch) -> None:
