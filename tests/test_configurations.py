@@ -75,7 +75,7 @@ def _examples() -> Iterator[Any]:
 
 
 def _numbers() -> Iterator[Any]:
-    """Each numeric field of each configuration, and whether it may be None."""
+    """Each numeric field of each configuration, and the types of what it may be."""
     for example in _examples():
         hints = get_type_hints(type(example))
         for field in dataclasses.fields(example):
@@ -83,18 +83,19 @@ def _numbers() -> Iterator[Any]:
             kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
             if {int, float} & set(kinds):
                 name = f"{type(example).__name__}.{field.name}"
-                yield pytest.param(example, field.name, NoneType in kinds, id=name)
+                yield pytest.param(example, field.name, frozenset(kinds), id=name)
 
 
-@pytest.mark.parametrize(("example", "name", "optional"), list(_numbers()))
+@pytest.mark.parametrize(("example", "name", "kinds"), list(_numbers()))
 def test_what_is_no_number_is_refused_by_the_fields_name(
-    example: Any, name: str, optional: bool
+    example: Any, name: str, kinds: frozenset[type]
 ) -> None:
     given = {field.name: getattr(example, field.name) for field in dataclasses.fields(example)}
     # Users' types are not checked as those of the test run are.
     unchecked = inspect.unwrap(type(example).__init__)
-    for wrong in ("a", None, math.nan, True, [1.0], 1j):
-        if wrong is None and optional:
+    fractions = () if float in kinds else (1.5, 2.0)  # Where whole numbers are expected.
+    for wrong in ("a", None, math.nan, True, [1.0], 1j, *fractions):
+        if wrong is None and NoneType in kinds:
             continue
         with pytest.raises(InputError) as refused:
             unchecked(object.__new__(type(example)), **given | {name: wrong})

@@ -64,7 +64,15 @@ def test_points_outside_are_left_out():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"cell": 0.0}, {"sigma": -1.0}, {"levels": 0}, {"levels": 9}, {"half": 1e6}]
+    "wrong",
+    [
+        {"cell": 0.0},
+        {"sigma": -1.0},
+        {"levels": 0},
+        {"levels": 9},
+        {"levels": 2.5},
+        {"half": 1e6},
+    ],
 )
 def test_a_config_that_makes_no_field_is_refused(wrong):
     with pytest.raises(InputError, match=f"FieldConfig.{next(iter(wrong))}"):
