@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import PurePosixPath
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ from albot_core.plain_data import (
     to_plain,
 )
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_maps.generators.plan import Side
 
 WHERE = Location("a.yml")
 
@@ -53,6 +55,24 @@ def test_every_task_tells_its_settings(task: str) -> None:
     for name in ("num_envs", "autoreset_mode"):  # Ours to say.
         with pytest.raises(InputError, match=f"{name}: expected one of"):
             read_settings(task, {name: 3}, WHERE)
+
+
+@pytest.mark.parametrize(
+    ("value", "plain"),
+    [
+        (np.array([[1.0, 2.5]]), [[1.0, 2.5]]),
+        (np.float32(0.5), 0.5),
+        (np.int64(3), 3),
+        (np.True_, True),
+        (PurePosixPath("a/b.yml"), "a/b.yml"),
+        (Side.NORTH, "north"),
+        ((1, np.array([2, 3])), [1, [2, 3]]),
+        ({1: np.arange(2)}, {"1": [0, 1]}),
+        (None, None),
+    ],
+)
+def test_what_becomes_plain_data_can_be_written_as_json(value: object, plain: object) -> None:
+    assert json.loads(json.dumps(to_plain(value))) == plain
 
 
 def test_parts_that_are_left_out_stay() -> None:
