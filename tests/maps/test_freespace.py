@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.freespace import FreeSpace, wall_lines, widest_place
 
 ROOM = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
 
@@ -68,6 +68,20 @@ def test_two_points_hang_together_as_a_flood_fill_says(walls):
                 assert region is other_region
             if wide[tuple(spot)] != wide[tuple(other)]:
                 assert region is not other_region
+
+
+@pytest.mark.parametrize("width", [2.0, 1.2345, 0.7531])
+def test_the_widest_place_is_the_middle_in_whole_centimetres(width):
+    x, y = widest_place(shapely.box(0.1234, -0.4321, 0.1234 + width, width - 0.4321))
+    # The disc is within 5 cm of the largest, so its centre is, too.
+    assert x == pytest.approx(0.1234 + width / 2, abs=0.055)
+    assert y == pytest.approx(width / 2 - 0.4321, abs=0.055)
+    assert (x, y) == (round(x, 2), round(y, 2))
+
+
+def test_the_widest_place_of_a_sliver_lies_in_it():
+    sliver = shapely.box(0.0031, 0.0, 0.0049, 2.0)
+    assert sliver.contains(shapely.Point(widest_place(sliver)))
 
 
 @settings(max_examples=100, deadline=None)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from albot_maps import ROBOT_RADIUS, catalogue_names, load_world
 from albot_maps.freespace import FreeSpace
-from albot_maps.lattice import FloodFill
+from albot_maps.lattice import FloodFill, Lattice
 
 FRAME = np.array([[0.0, 0, 6, 0], [6, 0, 6, 6], [6, 6, 0, 6], [0, 6, 0, 0]])
 START = np.array([0.55, 0.5])
@@ -22,6 +22,20 @@ walls = st.lists(
     max_size=12,
 )
 points = st.lists(st.tuples(st.floats(-1, 7), st.floats(-1, 7)), min_size=20, max_size=40)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.99, 0.17, 1000.0])
+@pytest.mark.parametrize("margin", [0.0, 1.03])
+def test_the_points_cover_the_walls_with_their_margin_and_no_more(scale, margin):
+    lattice = Lattice(scale * FRAME * (1.0, 0.7, 1.0, 0.7), margin)
+    near, far = np.full(2, -margin), scale * np.array((6.0, 4.2)) + margin
+    np.testing.assert_allclose(lattice.corner, near)
+    last = lattice.corner + lattice.cell * (np.array(lattice.shape) - 1)
+    assert (last > far - 1e-9 * scale).all()
+    assert (last < far + lattice.cell + 1e-9 * scale).all()
+    assert lattice.nearest(near) == (0, 0)
+    assert lattice.nearest(far) is not None
+    assert lattice.nearest(far + lattice.cell * 1.6) is None
 
 
 @settings(max_examples=60, deadline=None)
