@@ -1,0 +1,45 @@
+"""Logs of simulated robots."""
+
+from __future__ import annotations
+
+import pytest
+
+from albot_cli import explored_logs
+from albot_cli.explored_logs import Exploration, explore_all
+from albot_core.errors import InputError
+
+SENSORS = {"laser": "none", "sonar": "none"}
+
+
+def _exploration(**changes) -> Exploration:
+    usual = {"world": "square-loop", "seed": 1, "agent": "random", "steps": 1, "sensors": SENSORS}
+    return Exploration(**usual | changes)
+
+
+def test_logs_come_in_the_order_of_their_explorations_whichever_ends_first(monkeypatch) -> None:
+    def run_backwards(runner, tasks, jobs):
+        assert jobs == len(tasks) == 3
+        yield from (runner.run(task, lambda _: None) for task in reversed(tasks))
+
+    monkeypatch.setattr(explored_logs, "run_parallel", run_backwards)
+    explorations = [
+        _exploration(steps=1),
+        _exploration(steps=2, seed=2),
+        _exploration(steps=3, world="office-ring"),
+    ]
+    logs = explore_all(explorations, jobs=8)
+    assert [len(log.readings) for log in logs] == [2, 3, 4]
+    assert [log.reference is not None for log in logs] == [True] * 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"world": "square-lop"}, "did you mean square-loop"),
+        ({"agent": "oracle"}, "found oracle, which is for Albot/Homing-v0"),
+        ({"sensors": {"laser": "lng"}}, "laser"),
+    ],
+)
+def test_what_cannot_be_explored_is_refused_before_any_process_begins(changes, told) -> None:
+    with pytest.raises(InputError, match=told):
+        explore_all([_exploration(**changes)], jobs=1)
