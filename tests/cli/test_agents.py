@@ -1,15 +1,37 @@
-"""`albot agents card` as people call it."""
+"""`albot agents` as people call it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
+from albot_agents.registry import AGENTS, agent_names
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_cli.group import albot
 from albot_core.errors import InputError
+from tests.cli.conftest import figures
+
+
+def test_the_list_names_all_agents_and_the_cards_of_trained_ones(
+    call: Callable[..., Result],
+) -> None:
+    told = {row["name"]: row for row in figures(call("agents", "list", "--json"))["agents"]}
+    assert tuple(told) == agent_names()
+    assert {name for name, row in told.items() if "card" in row} == set(shipped_agents())
+    assert {name for name, row in told.items() if row["knows_truth"]} == {"oracle"}
+    for name, row in told.items():
+        assert row["summary"]
+        assert row["mapper"]
+        if name not in AGENTS:
+            assert row["task"] in row["summary"]
+            assert Path(row["card"]).read_text(encoding="utf-8").startswith(f"# {name}")
+    lines = call("agents", "list").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(told)
+    for line, row in zip(lines, told.values(), strict=True):
+        assert line.endswith(row.get("card", row["summary"]))
 
 
 @pytest.mark.parametrize("name", ["c.png", "c2"])

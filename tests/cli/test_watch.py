@@ -135,6 +135,21 @@ def test_titles_stand_below_the_stage_as_they_are(
     assert title in capsys.readouterr().err
 
 
+def test_the_rate_below_the_stage_is_that_since_it_opened(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = Clock()
+    clock.now = 1e6  # The machine has run for days.
+    monkeypatch.setattr(module, "time", clock)
+    with open_viewer("a", 3, headless=True) as (_, update):
+        for seconds in (0.1, 0.2, 0.7):
+            clock.sleep(seconds)
+            update()
+    shown = capsys.readouterr().err
+    assert "3/3" in shown
+    assert " 3 steps/s" in shown
+
+
 def test_so_do_descriptions_before_a_progress_bar(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
