@@ -86,17 +86,17 @@ def _reached(path: Path) -> dict[Path, int]:
 def tests_of(path: str) -> list[str]:
     """Return the files of tests that reach a module, the nearest first.
 
-    That of the module's own name in the mirrored folder comes first; then those that import it;
-    then others, those of its folder first.
+    That of the module's own name in the mirrored folder comes first, also where the module is only
+    loaded by its name; then those that import it; then others, those of its folder first.
     """
     module = ROOT / path
     folder = _mirror(module)
     ranked = []
     for test in sorted(_TESTS.rglob("test_*.py")):
-        distance = _reached(test).get(module)
+        is_own = test.parent == folder and test.stem == f"test_{module.stem}"
+        distance = _reached(test).get(module, 1 if is_own else None)
         if distance is None or test.stem in _LONG:
             continue
-        is_own = test.parent == folder and test.stem == f"test_{module.stem}"
         away = 0 if test.is_relative_to(folder) else 1
         ranked.append((not is_own, distance > 1, away, distance, test.stat().st_size, test))
     return [str(rank[-1].relative_to(ROOT)) for rank in sorted(ranked)]
