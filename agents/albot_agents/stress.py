@@ -37,6 +37,7 @@ from albot_env.stress.checks import (
     check_sonar,
 )
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.parts.sensors import LASER
 from albot_maps import World, load_world
 from albot_maps.generators.spec import KINDS, PREFIX, seeded
 
@@ -328,7 +329,7 @@ class StepChecker:
             seen = np.concatenate((self._opaque, moment.dynamic_obstacles))
             laser, ranges = moment.reading.laser.geometry, moment.reading.laser.ranges
             if "laser" in observation_config.shapes and observation_config.laser_sectors is None:
-                ranges = observation_config.ranges(observation_config.split(observation)["laser"])
+                ranges = observation_config.decode(LASER, observation)
             mount = compose(pose, np.array(laser.mount))
             wrong += check_laser(seen, mount, laser.bearings, ranges, self._limits)
         if moment.reading.sonar is not None:

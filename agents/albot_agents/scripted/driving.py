@@ -1,25 +1,25 @@
 """The base of scripted agents that drive: decode observations, turn commands into actions.
 
-A scripted agent gets the same observations as a learned one, scaled to [-1, 1]. The `decode_…`
-functions undo the scaling for the planners of `albot_core.planning`.
+A scripted agent gets the same observations as a learned one, scaled to [-1, 1]. The planners of
+`albot_core.planning` get what they stand for.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from gymnasium.spaces import Space
 
 from albot_agents.agent import Action, Commands, EnvironmentConfigs
-from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.planning.navigator import KnownWay
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HEADING, HOME, PLACE, WAY
+from albot_env.tasks.core.parts.sensors import LASER, MOTION
 
-SENSED_PARTS = ("laser", "motion", "heading", "home")
+SENSED_PARTS = tuple(part.name for part in (LASER, MOTION, HEADING, HOME))
 """The parts of an observation that `decode_observation` decodes."""
 
 
@@ -85,63 +85,21 @@ class DrivingAgent(Generic[DriverT]):
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
     """Return an observation's readings in SI units; it is a flat array or a dict of parts."""
     assert config.laser is not None, "a robot without a laser shows no part of that name"
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    heading = math.atan2(parts["heading"][1], parts["heading"][0])
+    heading = config.decode(HEADING, observation)
     cos, sin = np.cos(heading), np.sin(heading)
-    home_x, home_y = decode_home(observation, config)
+    home_x, home_y = config.decode(HOME, observation)
     return Percept(
-        ranges=config.ranges(parts["laser"]),
+        ranges=config.decode(LASER, observation),
         laser=config.laser,
         # Home is the map's origin, so the robot is at minus the rotated home vector.
         pose=np.array((sin * home_y - cos * home_x, -sin * home_x - cos * home_y, heading)),
-        motion=decode_motion(observation, config),
+        motion=config.decode(MOTION, observation),
     )
-
-
-def decode_motion(observation: Any, config: ObservationConfig) -> Pose:
-    """Return the robot's motion in the last step, by its odometer (m, m, rad)."""
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    step = np.array((config.step_length, config.step_length, config.step_turn))
-    return np.asarray(parts["motion"] * step)
-
-
-def decode_home(observation: Any, config: ObservationConfig) -> Points:
-    """Return the estimated position of home (m, robot's frame)."""
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    distance = config.home_distance(parts["home"][2])
-    return np.asarray(distance * np.asarray(parts["home"][:2], np.float64))
-
-
-def decode_sonar(observation: Any, config: ObservationConfig) -> Ranges:
-    """Return the sonar ranges (m); the maximum range where there is no echo."""
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    return config.echoes(parts["sonar"])
-
-
-def decode_has_exit(observation: Any, config: ObservationConfig) -> bool:
-    """Return whether the mapper knows an exit between the current place and home."""
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    return bool(parts["exit"][5] > 0)
 
 
 def decode_recognition(observation: Any, config: ObservationConfig) -> bool:
     """Return whether the mapper recognises the current place; false if that is not observed."""
-    if "place" not in config.shapes:
-        return False
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    return bool(parts["place"][0] > 0)
-
-
-def decode_time_left(observation: Any, config: ObservationConfig) -> float:
-    """Return the time left in the episode (s)."""
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    return config.time_left(parts["time_left"][0])
-
-
-def decode_travel_home(observation: Any, config: ObservationConfig) -> float:
-    """Return the travelled length on which the estimate of home is based (m)."""
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    return config.travel_home(parts["confidence"][0])
+    return PLACE.name in config.shapes and config.decode(PLACE, observation).is_recognised
 
 
 def decode_known_way(observation: Any, config: ObservationConfig) -> KnownWay | None:
@@ -149,12 +107,8 @@ def decode_known_way(observation: Any, config: ObservationConfig) -> KnownWay | 
 
     Its length comes from the part `confidence`; without that part it is infinite.
     """
-    if "way" not in config.shapes:
+    ahead = config.decode(WAY, observation) if WAY.name in config.shapes else None
+    if ahead is None:
         return None
-    parts = observation if isinstance(observation, dict) else config.split(observation)
-    part = np.asarray(parts["way"], float)
-    if part[3] <= 0:
-        return None
-    shows_length = "confidence" in config.shapes
-    length = decode_travel_home(observation, config) if shows_length else np.inf
-    return KnownWay(config.home_distance(part[2]) * part[:2], length)
+    shows_length = CONFIDENCE.name in config.shapes
+    return KnownWay(ahead, config.decode(CONFIDENCE, observation) if shows_length else np.inf)

@@ -9,15 +9,12 @@ import numpy as np
 from gymnasium.spaces import Discrete, Space
 
 from albot_agents.agent import Action, EnvironmentConfigs
-from albot_agents.scripted.driving import (
-    DrivingAgent,
-    decode_time_left,
-    decode_travel_home,
-)
+from albot_agents.scripted.driving import DrivingAgent
 from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.minimal_space_explorer import MinimalSpaceExplorer
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, TIME_LEFT
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
@@ -113,15 +110,15 @@ class RoundTripAgent:
         Raises:
             InputError: Observations lack the part `time_left` or `confidence`.
         """
-        self._observation_config.require(("time_left", "confidence"), self.name)
+        self._observation_config.require((TIME_LEFT.name, CONFIDENCE.name), self.name)
         self._explorer.reset(rng, actions)
         self._homer.reset(rng, actions)
         self._returns = False
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
-        left = decode_time_left(observation, self._observation_config)
-        travel = decode_travel_home(observation, self._observation_config)
+        left = self._observation_config.decode(TIME_LEFT, observation)
+        travel = self._observation_config.decode(CONFIDENCE, observation)
         self._returns |= left < self.SPARE + travel / self.SPEED
         return (self._homer if self._returns else self._explorer).act(observation, info)
 

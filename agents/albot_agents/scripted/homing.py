@@ -11,11 +11,7 @@ from gymnasium.spaces import Space
 from albot_agents.agent import Action, Commands, EnvironmentConfigs
 from albot_agents.scripted.driving import (
     DrivingAgent,
-    decode_has_exit,
-    decode_home,
     decode_known_way,
-    decode_motion,
-    decode_sonar,
 )
 from albot_core.geometry.poses import compose, inverse, transform_points
 from albot_core.geometry.types import Points, Pose
@@ -23,6 +19,8 @@ from albot_core.planning.navigator import GoalSeeker, Navigator
 from albot_core.planning.percept import Percept
 from albot_core.planning.sonar_driver import SonarDriver
 from albot_core.planning.steering import Command, admissible_command
+from albot_env.tasks.core.parts.beliefs import EXIT_HOME, HOME
+from albot_env.tasks.core.parts.sensors import MOTION, SONAR
 
 
 class MapHoming(DrivingAgent[Navigator]):
@@ -132,11 +130,11 @@ class Albot0Homing:
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on towards home, or declares home."""
-        observation_config = self._observation_config
-        home = decode_home(observation, observation_config)
-        knows_asr = "exit" in observation_config.shapes
-        believes_home = knows_asr and not decode_has_exit(observation, observation_config)
-        known = decode_known_way(observation, observation_config)
+        config = self._observation_config
+        home = config.decode(HOME, observation)
+        knows_asr = EXIT_HOME.name in config.shapes
+        believes_home = knows_asr and config.decode(EXIT_HOME, observation) is None
+        known = decode_known_way(observation, config)
         self._steps_at_home += believes_home
         distance = float(np.hypot(*home))
         is_there = (believes_home or not knows_asr) and distance < self.ARRIVED
@@ -148,10 +146,7 @@ class Albot0Homing:
         ahead = home if known is None else known.ahead
         # At the end of the known way, but not yet in the home ASR, it drives on without a target.
         target = ahead if np.hypot(*ahead) >= self.ARRIVED else None
-        ranges, motion = (
-            decode_sonar(observation, observation_config),
-            decode_motion(observation, observation_config),
-        )
+        ranges, motion = (config.decode(part, observation) for part in (SONAR, MOTION))
         command = self._driver.command(ranges, self._sonar, motion, target)
         return self._commands.action(command)
 

@@ -9,7 +9,7 @@
 | snapshots of a robot and of what it knows | `episode_snapshot` |
 | actions | `actions` |
 | observations | `observation`, `observation_builder` |
-| the same, compiled | `observation_kernels`, `observation_parts` |
+| the same, compiled | `observation_kernels`; the parts: `parts` |
 | ground covered, rooms entered | `coverage`, `rooms`; compiled: `coverage_kernels` |
 | paths over ground that robots have seen | `wayfinding`; compiled: `wayfinding_kernels` |
 | the true shortest path home | `way_home` |

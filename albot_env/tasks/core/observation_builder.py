@@ -21,6 +21,7 @@ from albot_env.tasks.core.coverage import (
 from albot_env.tasks.core.coverage_kernels import CoverageGrid
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
+from albot_env.tasks.core.parts.part import Need
 from albot_env.tasks.core.rooms import NO_ROOMS, Rooms, joined, outlines_of
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.state import BatchState, Progress
@@ -46,7 +47,7 @@ class ProgressSnapshot(NamedTuple):
 
     covered: UInt64[np.ndarray, "words"]
     believed: UInt64[np.ndarray, "words"]
-    """Empty if no observed part needs it (see `ObservationConfig.shows_ground`)."""
+    """Empty if no observed part needs it (`Need.GROUND`)."""
     entered: Bool[np.ndarray, "most"]
     ground: int
     rooms_entered: int
@@ -68,8 +69,8 @@ class ObservationBuilder:
         self._sensor = config.coverage.sensor(laser)
         self._covered = empty_coverage(robots, self._config.cell)
         self._believed = empty_coverage(robots, self._config.cell)
-        self._has_ground = config.shows_ground
-        self._wayfinding, self._has_occupancy = config.wayfinding, config.shows_ways_over_ground
+        self._has_ground, self._has_occupancy = map(config.needs, (Need.GROUND, Need.OCCUPANCY))
+        self._wayfinding = config.wayfinding
         self._searching = config.wayfinding.occupancy(config.coverage), config.wayfinding.search
         self._occupancy = empty_occupancy(robots)
         self._worlds = WorldCache(robots, self._add_world, self._forget_rooms)

@@ -1,82 +1,77 @@
-"""The compiled loop that computes observations and tracks coverage and rooms entered."""
+"""All parts of observations in their order, and the compiled loop that fills them in.
+
+A part is added by its object (`parts`), and here: in `PARTS`, and by a line that fills it in. The
+loop also tracks coverage and rooms entered.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_env.tasks.core.coverage_kernels import (
     CoverageGrid,
     CoverageSensor,
     accumulate_motion,
     cover,
-    cut_patch,
-    find_frontier,
 )
-from albot_env.tasks.core.observation_parts import (
-    LogScale,
-    find_nearest,
+from albot_env.tasks.core.parts.beliefs import (
+    CONFIDENCE,
+    EXIT_HOME,
+    HEADING,
+    HOME,
+    PLACE,
+    TIME_LEFT,
+    WAY,
+    fill_confidence,
+    fill_exit,
+    fill_heading,
+    fill_home,
+    fill_place,
+    fill_time_left,
+    fill_way,
     locate_home,
-    observe_confidence,
-    observe_exit,
-    observe_home,
-    observe_motion,
-    observe_way,
-    scale_ranges,
+)
+from albot_env.tasks.core.parts.ground import (
+    COVERAGE,
+    FRONTIER,
+    ONWARD,
+    SHORTCUT,
+    fill_coverage,
+    fill_frontier,
+    fill_onward,
+    fill_shortcut,
+)
+from albot_env.tasks.core.parts.part import ObservationPart, Sources
+from albot_env.tasks.core.parts.sensors import (
+    LASER,
+    MOTION,
+    SONAR,
+    fill_laser,
+    fill_motion,
+    fill_sonar,
 )
 from albot_env.tasks.core.rooms import Rooms, find_room
 from albot_env.tasks.core.state import BatchState, Progress
 from albot_env.tasks.core.wayfinding_kernels import (
-    OccupancyGrids,
     OccupancyParams,
-    SearchParams,
     find_onward,
     find_shortcut,
-    pick_onward,
-    pick_shortcut,
     update_occupancy,
 )
 
-
-class Scales(NamedTuple):
-    """Scales of observations and coverage (see their configurations)."""
-
-    spacing: float
-    turn: float
-    patch_cell: float
-    patch_cells: int
-    laser: LogScale
-    sonar: LogScale
-    step_length: float
-    step_turn: float
-    home: LogScale
-    home_drift: float
-    home_near: float
-    sectors: int
-
-
-class Layout(NamedTuple):
-    """Index at which each part begins in an observation; -1 for parts that are not observed."""
-
-    laser: int
-    sonar: int
-    motion: int
-    heading: int
-    home: int
-    confidence: int
-    place: int
-    exit: int
-    way: int
-    shortcut: int
-    coverage: int
-    frontier: int
-    onward: int
-    time_left: int
+PARTS: tuple[ObservationPart[Any], ...] = (
+    LASER, SONAR, MOTION, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT, COVERAGE,
+    FRONTIER, ONWARD, TIME_LEFT,
+)  # fmt: skip
+"""All parts, in their order in the flat observation."""
+Layout: Any = namedtuple("Layout", [part.name for part in PARTS])  # type: ignore[misc]
+"""Index at which each part begins in an observation; -1 for parts that are not observed."""
 
 
 @KernelDispatcher
@@ -88,47 +83,93 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
     `Rooms`, `Scales`, `Layout`, `BatchState`, `Progress`, `OccupancyParams`, `SearchParams` and
     `OccupancyGrids`.
     """
-    contents = unpack(arguments)
-    scales, state = contents[4], contents[6]
+    sensor, _, believed, _, scales, _, state, _, _, search, occupancy = unpack(arguments)
     # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
     nearest = np.empty(scales.sectors)
     frontier = np.empty(scales.sectors if scales.sectors else state.ranges.shape[1])
-    _observe_robots(rows, arguments, observations, nearest, frontier)
+    sources = Sources(scales, state, sensor, believed, search, occupancy, nearest, frontier)
+    _observe_robots(rows, arguments, sources, observations)
 
 
 @kernel()
 def _observe_robots(
-    rows: np.ndarray,
-    arguments: KernelArguments,
-    observations: np.ndarray,
-    nearest: np.ndarray,
-    frontier: np.ndarray,
+    rows: np.ndarray, arguments: KernelArguments, sources: Sources, observations: np.ndarray
 ) -> None:
-    """Run `observe_robots` with buffers for ranges and frontiers by sector (m)."""
-    contents = unpack(arguments)
-    sensor, covered, believed, rooms, scales, layout, state, progress = contents[:8]
-    params, search, occupancy = contents[8:]
+    """Run `observe_robots` with what the parts are computed from."""
+    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _ = unpack(
+        arguments
+    )
     for i in rows:
-        row, belief, ranges = observations[i], state.beliefs[i], state.ranges[i]
+        belief = state.beliefs[i]
         turn = math.cos(belief[2]), math.sin(belief[2])
-        moved = progress.moved[i]
         progress.new_ground[i] = 0
-        if accumulate_motion(state.motions[i], scales.spacing, scales.turn, moved):
-            cover(believed, i, belief, turn, sensor, ranges)
+        if accumulate_motion(state.motions[i], scales.spacing, scales.turn, progress.moved[i]):
+            cover(believed, i, belief, turn, sensor, state.ranges[i])
             _cover_truly(i, covered, sensor, state, progress)
         _enter_room(i, rooms, state, progress)
         locate_home(belief, turn, state.home_places[i], state.homes[i])
-        _observe_sensors(i, scales, layout, state, nearest, row)
-        _observe_beliefs(i, scales, layout, state, row)
-        if layout.coverage >= 0:
-            patch = row[layout.coverage :]
-            cut_patch(believed, i, belief, turn, scales.patch_cell, scales.patch_cells, patch)
-        if layout.frontier >= 0:
-            find_frontier(believed, i, belief, sensor, ranges, frontier)
-            scale_ranges(frontier, scales.laser, row[layout.frontier :])
-        if layout.shortcut >= 0 or layout.onward >= 0:
-            _find_ways(i, sensor, believed, layout, state, params, search, occupancy)
-            _observe_ways(i, scales, layout, state, search, occupancy, row)
+        _fill_sensed(i, layout, sources, observations[i])
+        _fill_believed(i, layout, sources, observations[i])
+        _fill_ground(i, layout, params, sources, observations[i])
+
+
+@kernel()
+def _fill_sensed(i: int, layout: Any, sources: Sources, row: np.ndarray) -> None:
+    """Fill in the observed parts that come from robot i's latest reading."""
+    if layout.laser >= 0:
+        fill_laser(i, sources, row[layout.laser :])
+    if layout.sonar >= 0:
+        fill_sonar(i, sources, row[layout.sonar :])
+    if layout.motion >= 0:
+        fill_motion(i, sources, row[layout.motion :])
+
+
+@kernel()
+def _fill_believed(i: int, layout: Any, sources: Sources, row: np.ndarray) -> None:
+    """Fill in the observed parts that come from robot i's mapper, and its time left."""
+    if layout.heading >= 0:
+        fill_heading(i, sources, row[layout.heading :])
+    if layout.home >= 0:
+        fill_home(i, sources, row[layout.home :])
+    if layout.confidence >= 0:
+        fill_confidence(i, sources, row[layout.confidence :])
+    if layout.place >= 0:
+        fill_place(i, sources, row[layout.place :])
+    if layout.exit >= 0:
+        fill_exit(i, sources, row[layout.exit :])
+    if layout.way >= 0:
+        fill_way(i, sources, row[layout.way :])
+    if layout.time_left >= 0:
+        fill_time_left(i, sources, row[layout.time_left :])
+
+
+@kernel()
+def _fill_ground(
+    i: int, layout: Any, params: OccupancyParams, sources: Sources, row: np.ndarray
+) -> None:
+    """Fill in the observed parts that show the ground around robot i, and ways over it."""
+    if layout.coverage >= 0:
+        fill_coverage(i, sources, row[layout.coverage :])
+    if layout.frontier >= 0:
+        fill_frontier(i, sources, row[layout.frontier :])
+    if layout.shortcut >= 0 or layout.onward >= 0:
+        _find_ways(i, layout, params, sources)
+    if layout.shortcut >= 0:
+        fill_shortcut(i, sources, row[layout.shortcut :])
+    if layout.onward >= 0:
+        fill_onward(i, sources, row[layout.onward :])
+
+
+@kernel()
+def _find_ways(i: int, layout: Any, params: OccupancyParams, sources: Sources) -> None:
+    """Draw robot i's readings on its occupancy grid, and search it for the observed ways."""
+    state, sensor, occupancy = sources.state, sources.sensor, sources.occupancy
+    motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
+    if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
+        if layout.shortcut >= 0:
+            find_shortcut(occupancy, i, sources.search, state.home_places[i])
+        if layout.onward >= 0:
+            find_onward(occupancy, i, sources.search, sources.believed)
 
 
 @kernel()
@@ -157,88 +198,3 @@ def _enter_room(i: int, rooms: Rooms, state: BatchState, progress: Progress) -> 
     if progress.new_room[i]:
         rooms.entered[i, room] = True
         progress.rooms_entered[i] += 1
-
-
-@kernel()
-def _observe_sensors(
-    i: int,
-    scales: Scales,
-    layout: Layout,
-    state: BatchState,
-    nearest: np.ndarray,
-    row: np.ndarray,
-) -> None:
-    """Fill in the observed ones of the parts laser, sonar and motion of robot i."""
-    if layout.laser >= 0:
-        seen = state.ranges[i]
-        if scales.sectors:
-            find_nearest(seen, nearest)
-            seen = nearest
-        scale_ranges(seen, scales.laser, row[layout.laser :])
-    if layout.sonar >= 0:
-        scale_ranges(state.echoes[i], scales.sonar, row[layout.sonar :])
-    if layout.motion >= 0:
-        length, turn = scales.step_length, scales.step_turn
-        observe_motion(state.motions[i], length, turn, row[layout.motion :])
-
-
-@kernel()
-def _observe_beliefs(
-    i: int, scales: Scales, layout: Layout, state: BatchState, row: np.ndarray
-) -> None:
-    """Fill in the observed parts that come from robot i's mapper."""
-    home, belief, way = state.homes[i], state.beliefs[i], state.ways_home[i]
-    if layout.heading >= 0:
-        row[layout.heading], row[layout.heading + 1] = math.cos(home[2]), -math.sin(home[2])
-    if layout.home >= 0:
-        observe_home(home, scales.home, row[layout.home :])
-    if layout.confidence >= 0:
-        drift, near = scales.home_drift, scales.home_near
-        row[layout.confidence] = observe_confidence(way[TRAVEL], drift, near)
-    if layout.place >= 0:
-        for flag in range(2):
-            row[layout.place + flag] = 1.0 if state.places[i, flag] else -1.0
-    if layout.exit >= 0:
-        observe_exit(belief, way[EXIT], scales.home, row[layout.exit :])
-    if layout.way >= 0:
-        observe_way(belief, way[POINT], scales.home, row[layout.way :])
-
-
-@kernel()
-def _find_ways(
-    i: int,
-    sensor: CoverageSensor,
-    believed: CoverageGrid,
-    layout: Layout,
-    state: BatchState,
-    params: OccupancyParams,
-    search: SearchParams,
-    occupancy: OccupancyGrids,
-) -> None:
-    """Draw robot i's readings on its occupancy grid, and search it for the observed ways."""
-    motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
-    if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
-        if layout.shortcut >= 0:
-            find_shortcut(occupancy, i, search, state.home_places[i])
-        if layout.onward >= 0:
-            find_onward(occupancy, i, search, believed)
-
-
-@kernel(arrays=True)
-def _observe_ways(
-    i: int,
-    scales: Scales,
-    layout: Layout,
-    state: BatchState,
-    search: SearchParams,
-    occupancy: OccupancyGrids,
-    row: np.ndarray,
-) -> None:
-    """Fill in the observed ones of the parts shortcut and onward of robot i."""
-    belief = state.beliefs[i]
-    if layout.shortcut >= 0:
-        point = pick_shortcut(occupancy, i, search, state.ways_home[i, TRAVEL])
-        observe_way(belief, point, scales.home, row[layout.shortcut :])
-    if layout.onward >= 0:
-        point = pick_onward(occupancy, i)
-        observe_way(belief, point, scales.home, row[layout.onward :])

@@ -27,6 +27,8 @@ from albot_env.tasks.core.episode_state import RobotState
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_builder import ObservationBuilder
+from albot_env.tasks.core.parts.beliefs import TIME_LEFT
+from albot_env.tasks.core.parts.part import Need
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.core.state import (
@@ -40,7 +42,7 @@ from albot_maps import World
 
 _MAPPER_STREAM = 1
 """Number of the random stream of a robot's mapper."""
-_KEPT_OF_BELIEFS = ("beliefs", "home_places", "ways_home", "places", "homes")
+_KEPT_OF_BELIEFS = ("beliefs", "home_places", "ways_home", "places", "homes", "time_left")
 """The arrays of `BatchState` in a robot's state; the others belong to the simulator."""
 
 
@@ -75,9 +77,9 @@ class BatchedRobots:
         actions: ActionConfig,
         observations: ObservationConfig,
     ) -> None:
-        if "time_left" in observations.parts and not self.has_budget:
+        if observations.needs(Need.TIME_BUDGET) and not self.has_budget:
             expected = f"parts that {self.environment} has: no time is given to be back in"
-            raise InputError("ObservationConfig.parts", expected, "time_left")
+            raise InputError("ObservationConfig.parts", expected, TIME_LEFT.name)
         sensors = equipment.sensors
         self.actions = actions
         """The action config."""
@@ -102,6 +104,7 @@ class BatchedRobots:
             movables=equipment.movables,
             control_steps=SUBSTEPS,
         )
+        self._needs_way_home = observations.needs(Need.WAY_HOME)
         self._builder = ObservationBuilder(robots, observations, self.ground_laser)
         self._stats = new_stats(robots, len(self.terms_of_reward))
         self._cell_area = observations.coverage.cell**2
@@ -122,6 +125,7 @@ class BatchedRobots:
             true_ranges=self._simulator.true_ranges,
             ranges=self._simulator.ranges,
             echoes=self._simulator.echoes,
+            time_left=np.full(robots, np.inf),
         )
         length = observations.flat_space.shape[0]
         self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
@@ -233,7 +237,7 @@ class BatchedRobots:
             integrate_odometry(rows, state.motions, state.beliefs, state.ways_home[:, TRAVEL])
         else:
             self._mappers.update(rows, self.readings)
-            if self.observation_config.shows_way_home:
+            if self._needs_way_home:
                 self._mappers.find_ways(rows)
         self._builder.observe(rows, state, self.observations)
         self._compute_rewards(rows)

@@ -38,6 +38,8 @@ class BatchState(NamedTuple):
     """(n, beams) float64: ranges of the lasers (m)."""
     echoes: np.ndarray
     """(n, sonars) float64: ranges of the sonars (m)."""
+    time_left: np.ndarray
+    """(n,) float64: remaining time (s); infinite in tasks without a time budget."""
 
 
 class Progress(NamedTuple):

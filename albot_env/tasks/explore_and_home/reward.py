@@ -10,7 +10,6 @@ import numpy as np
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
-from albot_env.tasks.core.observation_parts import LogScale, observe_time
 from albot_env.tasks.core.reward import Weights, set_reward
 from albot_env.tasks.core.state import update_stats
 from albot_env.tasks.core.way_home import success_weighted, update_way_home
@@ -69,8 +68,6 @@ class ExploreAndHomeStats(NamedTuple):
 
     budgets: np.ndarray
     """(n,) int64: total number of steps in the budget."""
-    time_left: np.ndarray
-    """(n,) float64: remaining time (s)."""
     distances: np.ndarray
     """(n,) float64: true geodesic distance home (m)."""
     turns: np.ndarray
@@ -94,7 +91,7 @@ class ExploreAndHomeStats(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """Conditions of success, and how the remaining time is observed."""
+    """Conditions of success."""
 
     radius: float
     """Radius of home (m)."""
@@ -102,17 +99,12 @@ class Rules(NamedTuple):
     """Ground that must be covered (m²)."""
     share: float
     """Share of the reachable ground that suffices if it is less."""
-    time_scale: LogScale
-    """Scale of the remaining time (s)."""
-    time_at: int
-    """Index of the remaining time in observations; -1 if it is not observed."""
 
 
 def new_explore_and_home_stats(robots: int) -> ExploreAndHomeStats:
     """Return the statistics of robots that have not begun."""
     return ExploreAndHomeStats(
         budgets=np.ones(robots, np.int64),
-        time_left=np.zeros(robots),
         distances=np.zeros(robots),
         turns=np.zeros((robots, 2)),
         farthest=np.zeros(robots),
@@ -128,15 +120,12 @@ def new_explore_and_home_stats(robots: int) -> ExploreAndHomeStats:
 
 @KernelDispatcher
 @kernel(nogil=True)
-def compute_reward(
-    rows: np.ndarray, arguments: KernelArguments, elapsed: float, observations: np.ndarray
-) -> None:
+def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
     """Update statistics and rewards of robots at the end of a step of `elapsed` (s).
 
-    The remaining time is filled into each robot's row of `observations`. `arguments` holds the
-    weights (`ExploreAndHomeTerms`), the discount, `Rules`, the area (m²) of a coverage cell,
-    whether each robot touched something (n,), `DistanceFields`, `BatchState`, `Progress`,
-    `EpisodeStats` and `ExploreAndHomeStats`.
+    `arguments` holds the weights (`ExploreAndHomeTerms`), the discount, `Rules`, the area (m²) of a
+    coverage cell, whether each robot touched something (n,), `DistanceFields`, `BatchState`,
+    `Progress`, `EpisodeStats` and `ExploreAndHomeStats`.
     """
     weights, discount, rules, cell_area, collided, fields, state, progress, stats, trip = unpack(
         arguments
@@ -147,7 +136,6 @@ def compute_reward(
         pose, start = state.poses[i], stats.starts[i]
         update_way_home(i, pose[0], pose[1], fields, trip)
         trip.declared[i] = trip.success[i] = trip.ended[i] = False
-        trip.time_left[i] = (budget - steps) * elapsed
         if steps == 0:
             trip.farthest[i] = 0.0
         else:
@@ -181,5 +169,3 @@ def compute_reward(
         if farthest > 0.0:
             back = min(1.0, max(0.0, 1.0 - trip.distances[i] / farthest))
         trip.soft_spl[i] = success_weighted(back, farthest, driven)
-        if rules.time_at >= 0:
-            observations[i, rules.time_at] = observe_time(trip.time_left[i], rules.time_scale)

@@ -124,15 +124,19 @@ class ExploreAndHomeTask(BatchedRobots):
         self._trips.declares[:] = self._config.actions.declares(numbers)
         super().act(numbers)
 
+    def _observe(self, rows: Int64[np.ndarray, "some"], thread: int) -> None:
+        steps_left = self._trips.budgets[rows] - self._stats.steps[rows]
+        self._state.time_left[rows] = steps_left * CONTROL_STEP
+        super()._observe(rows, thread)
+
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
         arguments = self._arguments.arguments(self._fields)
-        compute_reward(rows, arguments, CONTROL_STEP, self.observations)
+        compute_reward(rows, arguments, CONTROL_STEP)
 
     def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
         """Return the arguments of `compute_reward`."""
         config, weights = self._config, self._config.weights
-        shown = self.observation_config.time_scale, self.observation_config.layout.time_left
-        rules = Rules(config.radius, config.ground, config.share, *shown)
+        rules = Rules(config.radius, config.ground, config.share)
         return (
             weights.values,
             weights.discount,
@@ -163,5 +167,5 @@ class ExploreAndHomeTask(BatchedRobots):
             "distance_home": trips.distances,
             "farthest_distance_home": trips.farthest,
             "next_turn_home": trips.turns,
-            "time_left": trips.time_left,
+            "time_left": self._state.time_left,
         }

@@ -10,7 +10,7 @@ import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
-from albot_env.tasks.core.observation_parts import locate_home
+from albot_env.tasks.core.parts.beliefs import locate_home
 from albot_env.tasks.core.reward import Weights
 from albot_env.tasks.core.state import BatchState, EpisodeStats
 

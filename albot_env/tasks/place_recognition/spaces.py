@@ -115,6 +115,6 @@ class ArrivalsObservationConfig(ObservationConfig):
         return {"arrivals": (self.most, len(FEATURES)), "mask": (self.most,)}
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> Any:
         """Empty: none of the parts of driving robots is observed."""
         return Layout(*[-1] * len(Layout._fields))

@@ -23,17 +23,17 @@ from albot_env.tasks.core.coverage_kernels import (
     cut_patch,
     find_frontier,
 )
-from albot_env.tasks.core.observation import PARTS, ObservationConfig, Parts
-from albot_env.tasks.core.observation_parts import (
-    find_nearest,
+from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig, Parts
+from albot_env.tasks.core.parts.beliefs import (
     observe_confidence,
     observe_exit,
     observe_home,
-    observe_motion,
     observe_time,
     observe_way,
-    scale_ranges,
 )
+from albot_env.tasks.core.parts.part import Need
+from albot_env.tasks.core.parts.scales import scale_ranges
+from albot_env.tasks.core.parts.sensors import find_nearest, observe_motion
 from albot_env.tasks.core.wayfinding import WayfindingConfig, empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import (
     find_onward,
@@ -59,18 +59,18 @@ def observe(
     Raises:
         InputError: There is no wayfinding, and ways over the ground are shown.
     """
-    if config.shows_ways_over_ground and wayfinding is None:
+    if config.needs(Need.OCCUPANCY) and wayfinding is None:
         raise InputError("observe", "a Wayfinding that has followed the robot", "None")
     way = np.full(7, np.nan)
-    if config.shows_way_home:
+    if config.needs(Need.WAY_HOME):
         way = require(mapper, RouteHome).way_home
     estimate = mapper.estimate
     home, pose = estimate.home_from_robot, estimate.pose
     flags = estimate.matched_reading is not None, not estimate.localised
     laser = reading.required_laser("observe")
-    scale = config.home_scale
+    scale = config.scales.home
     parts = {name: np.empty(shape, np.float32) for name, shape in config.shapes.items()}
-    shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
+    shown = parts | {name: np.empty(6, np.float32) for name in PART_NAMES if name not in parts}
     observe_motion(reading.motion, config.step_length, config.step_turn, shown["motion"])
     shown["heading"][:2] = np.cos(home[2]), -np.sin(home[2])
     observe_home(home, scale, shown["home"])
@@ -86,13 +86,13 @@ def observe(
         parts["laser"] = observe_ranges(config, laser.ranges)
     if "sonar" in parts and reading.sonar is not None:
         echoes = reading.sonar.ranges
-        scale_ranges(echoes, config.sonar_scale, parts["sonar"])
+        scale_ranges(echoes, config.scales.sonar, parts["sonar"])
     if "coverage" in parts:
         parts["coverage"] = coverage.patch(pose)
     if "frontier" in parts:
         found = coverage.frontier(pose, laser, len(parts["frontier"]))
-        scale_ranges(found, config.laser_scale, parts["frontier"])
-    shown["time_left"][0] = observe_time(time_left, config.time_scale)
+        scale_ranges(found, config.scales.laser, parts["frontier"])
+    shown["time_left"][0] = observe_time(time_left, config.scales.time)
     return parts
 
 
@@ -105,7 +105,7 @@ def observe_ranges(
         beams, shown = shown, np.empty(config.laser_sectors)
         find_nearest(beams, shown)
     scaled = np.empty(len(shown), np.float32)
-    scale_ranges(shown, config.laser_scale, scaled)
+    scale_ranges(shown, config.scales.laser, scaled)
     return scaled
 
 

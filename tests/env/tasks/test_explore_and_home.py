@@ -14,7 +14,7 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.observation_parts import make_log_scale, scaled
+from albot_env.tasks.core.parts.scales import make_log_scale, scaled
 from albot_env.tasks.explore_and_home.env import ExploreAndHomeEnv
 from albot_env.tasks.explore_and_home.reward import ExploreAndHomeWeights
 from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig

@@ -20,7 +20,14 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
-from albot_env.tasks.core.observation_parts import observe_confidence, observe_time
+from albot_env.tasks.core.parts.beliefs import (
+    CONFIDENCE,
+    HOME,
+    TIME_LEFT,
+    observe_confidence,
+    observe_time,
+)
+from albot_env.tasks.core.parts.sensors import LASER
 from albot_env.tasks.explore.task import ExploreConfig
 from tests.env.conftest import drive
 from tests.env.tasks.oracles import Coverage, Wayfinding, observe, observe_ranges
@@ -33,7 +40,9 @@ ACTIONS = ActionConfig()
 @settings(deadline=None)
 def test_ranges_are_what_the_laser_part_was_made_of(distance: float) -> None:
     scaled = observe_ranges(CONFIG, np.full(3, distance))
-    assert CONFIG.ranges(scaled) == pytest.approx(np.full(3, distance), rel=1e-5, abs=1e-6)
+    assert LASER.decode(scaled, CONFIG.scales) == pytest.approx(
+        np.full(3, distance), rel=1e-5, abs=1e-6
+    )
 
 
 def test_near_is_one_far_is_minus_one_and_nothing_is_far() -> None:
@@ -65,9 +74,10 @@ def test_home_is_seen_where_it_is(make_env) -> None:
     env.reset(seed=1, options={"start": 0})
     for _ in range(25):
         observation, _, _, _, info = env.step(np.array((1, 0, -1), np.float32))
-    cosine, sine, scaled = observation["home"]
+    cosine, sine, _ = observation["home"]
     assert (cosine, sine) == pytest.approx((-1, 0), abs=1e-3)
-    assert CONFIG.home_distance(scaled) == pytest.approx(info["path_length"], abs=0.01)
+    home = CONFIG.decode(HOME, observation)
+    assert home == pytest.approx((-info["path_length"], 0.0), abs=0.01)
 
 
 def test_observations_are_a_function_of_the_readings_alone(make_env, tmp_path: Path) -> None:
@@ -135,12 +145,12 @@ def test_confidence_falls_with_travel_as_a_normal_distribution_widens() -> None:
 @given(st.floats(1.0, 300.0))
 @settings(deadline=None)
 def test_travel_and_time_are_read_back(number: float) -> None:
-    confidence = np.float32(observe_confidence(number, CONFIG.home_drift, CONFIG.home_near))
+    confidence = np.float32([observe_confidence(number, CONFIG.home_drift, CONFIG.home_near)])
     if number > 5.0:  # Nearer home the confidence is all but 1.
-        assert CONFIG.travel_home(confidence) == pytest.approx(number, rel=1e-2)
-    shown = np.float32(observe_time(number, CONFIG.time_scale))
-    assert CONFIG.time_left(shown) == pytest.approx(number, rel=1e-4)
-    assert CONFIG.travel_home(-1.0) > 1e3
+        assert CONFIDENCE.decode(confidence, CONFIG.scales) == pytest.approx(number, rel=1e-2)
+    shown = np.float32([observe_time(number, CONFIG.scales.time)])
+    assert TIME_LEFT.decode(shown, CONFIG.scales) == pytest.approx(number, rel=1e-4)
+    assert CONFIDENCE.decode(np.array([-1.0]), CONFIG.scales) > 1e3
 
 
 def test_a_sector_shows_its_nearest_beam() -> None:

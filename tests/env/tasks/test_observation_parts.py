@@ -10,19 +10,16 @@ import math
 import numpy as np
 import pytest
 
-from albot_env.tasks.core.observation_parts import (
-    find_nearest,
+from albot_env.tasks.core.parts.beliefs import (
     locate_home,
-    make_log_scale,
     observe_confidence,
     observe_exit,
     observe_home,
-    observe_motion,
     observe_time,
     observe_way,
-    scaled,
-    unscaled,
 )
+from albot_env.tasks.core.parts.scales import make_log_scale, scaled, unscaled
+from albot_env.tasks.core.parts.sensors import find_nearest, observe_motion
 
 SCALE = make_log_scale(1.0, 7.0)
 """One that is easy: lengths of 0, 1, 3 and 7 m are 0, 1, 2 and 3 doublings of 1 m + length."""

@@ -17,7 +17,7 @@ from albot_core.mappers.registry import installed_mappers
 from albot_env.recording.episode import NullRecorder
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.core.episode_state import EpisodeState, check_state
-from albot_env.tasks.core.observation import PARTS, ObservationConfig
+from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import WorldSet
 from tests.env import quick
@@ -104,7 +104,7 @@ def test_they_are_so_with_every_mapper(mapper: str) -> None:
 
 def test_they_are_so_with_every_part_of_observations() -> None:
     """Occupancy grids and the ways over them among these."""
-    parts = tuple(part for part in PARTS if part != "time_left")
+    parts = tuple(part for part in PART_NAMES if part != "time_left")
     config = ExploreConfig(observations=ObservationConfig(parts=parts))
     _check_branches("Albot/Explore-v0", 5, mapper="albot1", config=config)
     _check_branches("Albot/Explore-v0", 6, mapper="albot1", config=config, action="discrete")
