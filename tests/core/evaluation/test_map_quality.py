@@ -14,6 +14,7 @@ from albot_core.evaluation.map_quality import (
     LASER_NOISE,
     cloud_error,
     mean_map_entropy,
+    precision_and_recall,
     register,
     sample_segments,
     scan_cloud,
@@ -96,6 +97,22 @@ def test_a_cloud_stands_for_the_walls_that_it_samples() -> None:
     assert cloud_error(np.empty((0, 4)), cloud, np.zeros(3)) is None
     with pytest.raises(InputError, match="at least one point"):
         cloud_error(wall, np.empty((0, 2)), np.zeros(3))
+
+
+def test_precision_is_of_the_map_and_recall_of_what_was_seen() -> None:
+    """Of a wall of 4 m the half was seen; the map has a quarter of it, and as much elsewhere."""
+    wall = sample_segments(np.array([[0.0, 0.0, 4.0, 0.0]]), 0.01)
+    right, wrong = wall[wall[:, 0] < 1.0], wall[wall[:, 0] < 1.0] + (0.0, 2.0)
+    drawn, seen = np.concatenate((right, wrong)), wall[wall[:, 0] < 2.0]
+    assert precision_and_recall(drawn, wall, seen, 1e-3) == (0.5, 0.5)
+    assert precision_and_recall(drawn, wall, wall, 1e-3) == (0.5, 0.25)
+    assert precision_and_recall(np.empty((0, 2)), wall, seen, 0.1) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("walls", "seen"), [(0, 0), (0, 3), (3, 0)])
+def test_without_walls_or_without_any_seen_there_is_no_recall(walls: int, seen: int) -> None:
+    with pytest.raises(InputError, match=f"walls, and some seen, found {walls}, {seen} seen"):
+        precision_and_recall(np.zeros((1, 2)), np.zeros((walls, 2)), np.zeros((seen, 2)), 0.1)
 
 
 RNG = np.random.default_rng(5)

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from numba import njit
 
 from albot_core.kernels.arguments import ArgumentsCache, KernelArguments, KernelDispatcher, unpack
@@ -87,6 +88,21 @@ def test_a_dispatcher_runs_what_arguments_of_each_type_need() -> None:
         for arguments in pairs:
             assert add_to(rows, arguments, 1.5) == 3.0 * round_
     assert add_to(rows, KernelArguments((Pair(np.ones(3), 1.0),)), 0.0) == 2.0
+
+
+def test_a_dispatcher_looks_for_machine_code_only_where_the_type_changes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Looking for it takes longer than many a kernel."""
+    find, found = add_to._find, []
+    monkeypatch.setattr(add_to, "_find", lambda *given: (found.append(1), find(*given))[1])
+    pair, bare = KernelArguments((Pair(np.zeros(3), 1.0),)), KernelArguments((Bare(np.zeros(3)),))
+    looked = []
+    for arguments in (pair, pair, bare, bare, pair):
+        before = len(found)
+        add_to(np.array([0]), arguments, 0.0)
+        looked.append(len(found) > before)
+    assert looked[1:] == [False, True, False, True]
 
 
 def test_a_dispatcher_lets_threads_in_at_once() -> None:

@@ -161,6 +161,21 @@ def test_counts_are_whole_numbers(outside: type[OutsideBatch], name: str) -> Non
         getattr(batch, name)
 
 
+@pytest.mark.parametrize("readings", [0, 1, 4])
+@pytest.mark.parametrize("name", ["state", "snapshot", "activity"])
+def test_what_one_gives_amiss_is_of_its_latest_reading(
+    outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch, name: str, readings: int
+) -> None:
+    batch = make_mappers("odd", COUNT)
+    follow(batch)
+    batch.reset(1, np.random.default_rng(0))
+    follow(batch, EVERYONE[1:2], count=readings)
+    monkeypatch.setattr(outside, name, lambda self, row: "none")
+    when = f"reading {readings - 1}" if readings else "before the first reading"
+    with pytest.raises(InputError, match=rf"^mapper odd, {when}, {name}"):
+        getattr(batch, name)(1)
+
+
 def test_what_is_no_batch_is_refused(
     outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch
 ) -> None:

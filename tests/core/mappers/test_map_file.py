@@ -40,6 +40,20 @@ def led(name: str, count: int = 20) -> Mapper:
     return mapper
 
 
+def test_the_file_is_plain_numpy_and_json(tmp_path):
+    path = tmp_path / "a.albot"
+    mapper = led("odometry")
+    save_map(mapper, path)
+    with zipfile.ZipFile(path) as archive:
+        header = json.loads(archive.read("header.json"))
+        # No clock in the file.
+        assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+    told = {"format": "albot-map", "version": 7, "mapper": "odometry", "config": "{}\n"}
+    assert header == told
+    with np.load(path, allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["surfaces"], mapper.snapshot().segments)
+
+
 @pytest.fixture(params=installed_mappers())
 def name(request):
     return request.param
@@ -86,20 +100,6 @@ def test_saving_replaces_and_leaves_nothing_beside(tmp_path):
     save_map(led("odometry"), path)
     assert load_map(path).estimate.map_version > 0
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_the_file_is_plain_numpy_and_json(tmp_path):
-    path = tmp_path / "a.albot"
-    mapper = led("odometry")
-    save_map(mapper, path)
-    with zipfile.ZipFile(path) as archive:
-        header = json.loads(archive.read("header.json"))
-        # No clock in the file.
-        assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    told = {"format": "albot-map", "version": 7, "mapper": "odometry", "config": "{}\n"}
-    assert header == told
-    with np.load(path, allow_pickle=False) as arrays:
-        np.testing.assert_array_equal(arrays["surfaces"], mapper.snapshot().segments)
 
 
 def rewrite(path: Path, **members: bytes | None) -> Path:

@@ -186,6 +186,26 @@ def test_an_estimate_is_as_its_class_says(batch, monkeypatch, name, value, expec
         follow(batch, 1)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, np.int64(1)) for name in ("updates", "map_version", "segments", "place")),
+        ("matched_reading", np.int32(BAD - 1)),
+        ("matched_reading", BAD),  # That from which the estimate was made.
+        *(("localised", value) for value in (True, False, np.True_, np.False_)),
+        *((name, np.array((1, 2, 3))) for name in ("pose", "home")),
+    ],
+)
+def test_an_estimate_may_hold_numbers_of_numpys(batch, monkeypatch, name, value):
+    follow(batch, BAD)
+    monkeypatch.setattr(Wrong, "wrong", (name, value))
+    follow(batch, 1)
+    assert batch.places[0].tolist() == [
+        name == "matched_reading",
+        name == "localised" and not value,
+    ]
+
+
 NOWHERE = PlaceNode(id=0, label="P1", pose=np.full(3, NAN), middle=np.zeros(2))
 HERE = PlaceNode(id=0, label="P1", pose=np.zeros(3), middle=np.zeros(2))
 AWAY = PlaceEdge(source=0, target=9, motion=np.zeros(3))

@@ -138,6 +138,14 @@ def test_the_mask_says_which_arrivals_there_are(two_rooms: World) -> None:
         assert parts in env.observation_space
 
 
+def test_what_can_be_answered_is_that_it_is_new_and_what_the_mask_shows(two_rooms: World) -> None:
+    env = _make(two_rooms, config=THERE_AND_BACK, observation="dict")
+    observation, _ = env.reset(seed=1)
+    for _ in range(3):
+        assert env.action_masks().tolist() == [True, *(observation["mask"] > 0)]
+        observation = env.step(0)[0]
+
+
 @pytest.mark.parametrize("mapper", ["none", "albot1"])
 def test_the_same_room_looks_the_same_and_the_other_does_not(two_rooms: World, mapper: str) -> None:
     config = PlaceRecognitionConfig(tour=TourConfig(rooms=("east", "west", "east", "west")))
