@@ -111,6 +111,21 @@ def test_no_region_would_have_to_be_split_again(seed):
         assert greatest <= CONFIG.threshold
 
 
+def test_ground_that_two_steps_share_counts_once():
+    """To and fro along 5 m, 2 m wide: the way back adds nothing, and then there are 3 m more."""
+    x = np.array((0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0, -1, -2, -3), float)
+    zero = np.zeros(len(x) - 1)
+    journey = journey_of(np.stack((x[:-1], zero, x[1:], zero), axis=1), np.ones((13, 2)))
+    before, after = np.empty((2, 2, 13))
+    for _ in range(2):  # Each sum begins anew.
+        residual(journey, LEAST, 0, 13, before, after)
+        once = [2, 4, 6, 8, 10, 10, 10, 10, 10, 10, 12, 14, 16]
+        np.testing.assert_allclose(before[0], once, atol=0.05)
+        back = [16, 16, 16, 16, 16, 16, 14, 12, 10, 8, 6, 4, 2]
+        np.testing.assert_allclose(after[0], back, atol=0.05)
+        np.testing.assert_allclose((before[1], after[1]), 2.0)
+
+
 def test_equation_1_by_hand():
     """Widths of 2 m and 6 m. The smaller area is 12 m², so r = 1/(1+e^(-12/4+3)) - 1."""
     r = 1 / (1 + math.exp(0)) - 1

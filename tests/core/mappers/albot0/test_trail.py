@@ -221,6 +221,31 @@ def test_an_echo_field_without_echoes_knows_nothing():
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("weights", (0.6, 0.6, 0.6), "positive shares that sum to 1"),
+        ("weights", (1.2, -0.1, -0.1), "positive shares that sum to 1"),
+        ("weights", (0.5, 0.5, 0.0), "positive shares that sum to 1"),
+        ("drawn", 3, "numbers of 3 particles"),
+        ("drawn", -1, "numbers of 3 particles"),
+        ("past", 1e9, "coordinates within"),
+        ("lines", -1e9, "coordinates within"),
+        ("lines", 0.0, "lengths as the odometer has them"),
+    ],
+)
+def test_a_state_that_no_trail_has_is_refused(name, value, told):
+    config, way = TrailConfig(particles=3), steps_along((0, 0), (4, 0))
+    trail = Trail(config, RNG(0))
+    trail.extend(way)
+    again, state = Trail(config, RNG(1)), trail.state()
+    again.restore(state, way)
+    np.testing.assert_array_equal(again.frame, trail.frame)
+    state[f"trail.{name}"][:] = value
+    with pytest.raises(InputError, match=f"^trail.{name}: expected {told}"):
+        Trail(config, RNG(1)).restore(state, way)
+
+
+@pytest.mark.parametrize(
     ("name", "value"),
     [
         ("particles", 0),

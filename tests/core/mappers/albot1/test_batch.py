@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from albot_core.mappers.albot1.addresses import MAP_ROOM, VIEW_ROOM
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.mapper import Albot1
@@ -133,6 +134,20 @@ def test_maps_grow_and_are_emptied() -> None:
             assert batch.surfaces(row).shape == (0, 4)
             assert not batch.poses[row].any()
         single.reset(RNG)
+
+
+def test_a_robot_gets_room_for_a_larger_map_and_a_larger_view_and_forgets_nothing() -> None:
+    """A view may hold more than all before; without room for it the step would never be done."""
+    batch, drive = Albot1Batch(2), Drive(2, 5)
+    for _ in range(5):
+        batch.update(np.arange(2), drive.step())
+    states, rooms = [batch.state(row) for row in range(2)], [MAP_ROOM, VIEW_ROOM]
+    before = batch._robots.table[:, rooms]
+    batch._enlarge(1)
+    assert (batch._robots.table[:, rooms] // before).tolist() == [[1, 1], [2, 2]]
+    for row, state in enumerate(states):
+        for name, array in batch.state(row).items():
+            np.testing.assert_array_equal(array, state[name], err_msg=name)
 
 
 def test_two_threads_may_lead_disjoint_rows() -> None:

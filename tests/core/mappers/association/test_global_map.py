@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.association import global_map as compiled
 from albot_core.mappers.association.mapper import AssociationConfig
 
@@ -136,6 +137,20 @@ def test_what_intersects_a_known_surface_is_left_out():
     # …but not where it only meets it at a corner.
     *_, ids = carried([wall, (5.9, 0, 8, 0)], [wall, across])
     assert ids == [0, 2]
+
+
+@pytest.mark.parametrize("pose", [(0, 0, 0), (5, -3, 0.9), (-2, 7, 2.5), (40, 1, -1.3)])
+@pytest.mark.parametrize("parts", [(0.2, 3.0), (3.0, 0.2), (1.0, 1.0)])
+def test_the_shorter_part_beyond_a_crossing_counts_wherever_they_lie(
+    pose: tuple[float, ...], parts: tuple[float, float]
+) -> None:
+    """The surfaces cross at (2, 1), at 60°."""
+    way = np.array((0.5, np.sqrt(0.75)))
+    crossing = np.add((2, 1, 2, 1), (*(-parts[0] * way), *(parts[1] * way)))
+    lines = np.array((crossing, (-1.0, 1.0, 9.0, 1.0)))
+    surface, other = transform_segments(np.array(pose, float), lines)
+    assert compiled.end_beyond(surface, other) == pytest.approx(min(parts))
+    assert compiled.end_beyond(other, surface) == pytest.approx(3.0)
 
 
 def test_a_landmark_grows_with_its_surface_in_the_map():

@@ -12,9 +12,13 @@ from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.perceptual_map.memory import empty_view
 from albot_core.mappers.albot1.perceptual_map.motion_search import (
+    BY_TURN,
     CHANGE_COST,
+    GUESS_NEARLY,
+    NEARLY,
     SHIFT_COST,
     STANDING,
+    is_likely,
     most_motions,
     motion_cost,
 )
@@ -81,6 +85,27 @@ def test_without_an_odometer_a_translation_costs_by_what_it_departs_from_the_las
     last, twice = np.array((0.5, 0.1, 0.0)), np.array((0.5, 2.1, 0.0))
     assert motion_cost(last, motion, SCALE, odometer, LIMITS) == 0.0
     assert motion_cost(twice, motion, SCALE, odometer, LIMITS) == pytest.approx(4 * CHANGE_COST)
+
+
+@pytest.mark.parametrize("is_sure", [False, True])
+def test_with_an_odometer_turns_nearly_as_likely_as_the_first_are_aligned(is_sure: bool) -> None:
+    """And all motions of other translations, which come after them."""
+    odometer = odometer_off_by(0.1)
+    for below, near in ((0.0, True), (0.9 * NEARLY, True), (1.1 * NEARLY, False), (9.0, False)):
+        for k in (1, BY_TURN - 1):
+            assert is_likely(k, 0.6 - below, 0.6, is_sure, odometer) == near
+        assert is_likely(BY_TURN, 0.6 - below, 0.6, is_sure, odometer)
+    assert not is_likely(BY_TURN, -np.inf, 0.6, is_sure, odometer)
+
+
+def test_without_an_odometer_all_motions_are_aligned_until_a_match_is_sure() -> None:
+    """Then those that are nearly as likely as the first."""
+    odometer = unknown_odometer()
+    for k in (0, 1, BY_TURN):
+        for below in (0.0, 0.9 * GUESS_NEARLY, 1.1 * GUESS_NEARLY, 9.0):
+            assert is_likely(k, 0.6 - below, 0.6, False, odometer)
+            assert is_likely(k, 0.6 - below, 0.6, True, odometer) == (below < GUESS_NEARLY)
+        assert not is_likely(k, -np.inf, 0.6, False, odometer)
 
 
 finite = st.floats(-0.4, 0.4)

@@ -97,14 +97,19 @@ def test_the_likeliest_exit_is_so_by_far(exits, others, found):
     assert place.likeliest_exit(reversed_line(AT), seen, drift_after(50.0)) is None
 
 
-@pytest.mark.parametrize(("apart", "left"), [(1.2, 1), (1.6, 2)])
-def test_two_exits_so_near_between_the_same_places_are_one(apart, left):
+@pytest.mark.parametrize(
+    ("apart", "beyond_apart", "left"),
+    [(1.2, 1.2, 1), (1.6, 1.6, 2), (1.2, 4.0, 1), (4.0, 1.2, 1)],
+)
+def test_two_exits_so_near_on_either_side_between_the_same_places_are_one(
+    apart, beyond_apart, left
+):
     walker = led([(1, 0), (2, 0), (2, 1)])
     network = walker.network
     one, other = network.places[0], network.places[1]
-    for place, beyond in ((one, other), (other, one)):
+    for place, beyond, away in ((one, other, apart), (other, one, beyond_apart)):
         door = next(door for door in place.exits if door.leads_to == beyond.id)
-        by = np.array([0.0, apart, 0.0, apart])
+        by = np.array([0.0, away, 0.0, away])
         double = LearnedExit(line=door.line + by, leads_to=beyond.id, exit_there=len(beyond.exits))
         place.exits.append(double)
     one.exits[-1].exit_there = len(other.exits) - 1
