@@ -41,6 +41,7 @@ class _Order:
     def __init__(self, tests: list[str], seconds: float) -> None:
         self._tests, self._seconds = tests, seconds
         self._began: float | None = None
+        self._has_failed = False
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(
@@ -51,8 +52,12 @@ class _Order:
         items.sort(key=lambda item: places.get(item.path, len(places)))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """End the run between two tests, counting from the first, which compiles most."""
-        if report.when != "teardown":
+        """End the run between two tests, counting from the first, which compiles most.
+
+        Where one has failed the fault is seen, however long that took.
+        """
+        self._has_failed |= report.failed
+        if report.when != "teardown" or self._has_failed:
             return
         if self._began is None:
             self._began = time.process_time()

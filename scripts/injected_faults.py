@@ -358,6 +358,10 @@ EQUAL: Mapping[tuple[str, str], str] = {
         "core/albot_core/mappers/slam/scan_entry.py",
         "_block_counts = scratch(SIZES)",
     ): "counts of blocks are exact as floating-point numbers, too",
+    (
+        "albot_env/tasks/explore_and_home/reward.py",
+        "farthest=np.ones(robots),",
+    ): "the first observation of every episode sets it to 0, and nobody reads it before",
 }
 """Faults that change nothing that comes out, by module and changed line, and why."""
 UNSEEN: Mapping[str, str] = {}
