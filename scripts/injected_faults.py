@@ -44,7 +44,7 @@ _IMPORTS = re.compile(
     r"^\s*(?:from ((?:albot|tests)[\w.]*) import ([\w, ]*)|import ((?:albot|tests)[\w.]*))",
     re.MULTILINE,
 )
-_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+(?:\[.*?\])?)", re.MULTILINE)
+_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?(?:\[.*?\])?)(?: - .*)?$", re.MULTILINE)
 
 
 # Which tests are near a module.
