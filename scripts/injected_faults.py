@@ -351,6 +351,15 @@ EQUAL: Mapping[tuple[str, str], str] = {
         "if len(self._kept) >= KEPT:",
     ): "one fewer is kept of what is worked out again where it is not kept",
     (
+        "agents/albot_agents/training/journeys.py",
+        "others = run_parallel(_JourneyRunner(task, single), numbered[1:], "
+        "min(jobs, len(tickets) + 1))",
+    ): "no more processes are begun than there are journeys to make",
+    (
+        "agents/albot_agents/workers.py",
+        'self._step = _CONTEXT.RawValue("q", 1)',
+    ): "it is set to 0 again before the process gets its first task",
+    (
         "core/albot_core/mappers/slam/particle_slam.py",
         'check_fields(self, POSITIVE, "drift", "drift_by_turn", "twist_by_way", "twist")',
     ): "the same fields are checked; where both are wrong, either may be named",

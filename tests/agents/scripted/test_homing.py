@@ -7,16 +7,21 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_agents.registry import make_agent
+from albot_agents.scripted.homing import Albot0Homing
 from albot_core.geometry.poses import compose, inverse, transform_points
 from albot_core.planning.navigator import GoalSeeker
 from albot_core.planning.percept import Percept
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
+from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.parts.beliefs import observe_home
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import IDS
@@ -115,3 +120,21 @@ def test_where_no_way_is_shown_it_makes_straight_for_home() -> None:
     agent = make_agent("albot1-homing", EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 1)
     assert np.array_equal(choose_action(agent, observation, info), [0, 0, 1])
+
+
+@pytest.mark.parametrize(
+    ("distance", "has_exit", "declares"),
+    [(0.2, False, True), (0.2, True, False), (3.0, False, False), (3.0, True, False)],
+)
+def test_albot0_declares_home_near_its_beginning_in_its_own_asr_alone(
+    distance: float, has_exit: bool, declares: bool
+) -> None:
+    config = ObservationConfig(parts=("sonar", "motion", "home", "exit", "way"))
+    agent = Albot0Homing(EnvironmentConfigs(config, ActionConfig()))
+    agent.reset(np.random.default_rng(0), Box(-1, 1, (3,), np.float32))
+    shown = {name: np.zeros(shape, np.float32) for name, shape in config.shapes.items()}
+    observe_home(np.array((distance, 0.0, 0.0)), config.scales.home, shown["home"])
+    shown["exit"][5] = 1.0 if has_exit else -1.0
+    shown["way"][:] = (1.0, 0.0, shown["home"][2], 1.0)
+    action = agent.act(shown, {})
+    assert (action[2] > 0) == declares

@@ -45,6 +45,19 @@ def test_nested_settings_keep_their_defaults(tmp_path: Path) -> None:
     assert config.outing.longest == 2.0
 
 
+def test_a_setting_is_told_where_it_stands_in_a_stage_or_for_all(tmp_path: Path) -> None:
+    """A stage that has settings of its own may meet a fault of the settings of all stages."""
+    for env, own, place in (
+        ({"laser": "nope"}, {}, r"line \d+, env.laser: expected"),
+        ({}, {"laser": "nope"}, r"curriculum\[0\].env.laser: expected"),
+    ):
+        plan = {"curriculum": [{"env": {"odometer": "ideal", **own}}]}
+        file = plan_file(tmp_path / "a.yml", env=env, **plan)
+        with pytest.raises(InputError, match=place) as error:
+            read_plan(file)
+        assert ("curriculum" in str(error.value)) == bool(own)
+
+
 def test_seeds_of_evaluations_are_a_range_or_one_number(tmp_path: Path) -> None:
     for seeds in ("900..963", "901", 901):
         plan = read_plan(plan_file(tmp_path / "a.yml", evaluation={"seeds": seeds}))

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from albot_core.errors import InputError
+from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.scenes import (
     SCENE_DRAWS,
     SCENES,
@@ -18,6 +19,10 @@ from albot_env.sim.scenes import (
     recognise_scene,
     scene_at,
 )
+from albot_env.sim.sensing import CAMERA_COUNTER
+from albot_env.sim.sensors import choose_sensors
+from albot_env.sim.simulator import Simulator
+from albot_maps import load_world
 
 BOUNDS = (-1.0, 2.0, 4.0, 5.5)
 KEY = np.uint64(11)
@@ -138,3 +143,20 @@ def test_presets_number_the_paper_s_floor(name: str) -> None:
 def test_impossible_scenes_are_refused(field: str, value: float) -> None:
     with pytest.raises(InputError, match=f"SceneConfig.{field}: expected"):
         SceneConfig(**{field: value})
+
+
+def test_each_look_of_a_robot_draws_numbers_of_its_own() -> None:
+    """Those of one look after another would make the mistakes of a look follow from the last's."""
+    world = load_world("square-loop")
+    sensors = choose_sensors(laser="none", sonar="none", scenes="ambiguous")
+    simulator = Simulator(world, sensors=sensors)
+    reading = simulator.reset(np.random.default_rng(4))
+    constants = SCENES["ambiguous"].constants(world.bounds)
+    key = np.uint64(draw_key(np.random.default_rng(4)))
+    seen, expected = [], []
+    for number in range(40):
+        seen.append(-1 if reading.scene is None else reading.scene)
+        counter = CAMERA_COUNTER + number * SCENE_DRAWS
+        expected.append(recognise_scene(*simulator.pose, constants, key, counter))
+        reading = simulator.step(0.0, 0.5)
+    assert seen == expected

@@ -48,3 +48,9 @@ def test_every_laser_looks_a_half_turn_ahead_and_as_far_as_it_says(name: str) ->
         wall = np.array([[distance, -9.0, distance, 9.0]])
         ranges = RayCaster(wall, geometry, indexed=False).scan(np.zeros(3))
         assert np.isfinite(ranges[geometry.beams // 2]) == seen
+
+
+def test_what_the_robot_carries_is_told() -> None:
+    assert choose_sensors().available == {"laser", "sonar"}
+    assert choose_sensors(laser="none", sonar="none").available == set()
+    assert choose_sensors(sonar="none", scenes="ambiguous").available == {"laser", "scene"}

@@ -68,3 +68,10 @@ def test_a_batch_chooses_too_and_names_who_is_wrong() -> None:
         batch.step(np.array([0, 1]))
     with pytest.raises(InputError, match="continuous or discrete"):
         gymnasium.make("Albot/Explore-v0", action="both")
+
+
+def test_discrete_actions_are_within_limits_and_to_either_side_alike() -> None:
+    choices = np.array(DRIVING)
+    assert np.abs(choices).max() == 1.0
+    mirrored = choices * (1.0, -1.0)
+    assert sorted(map(tuple, mirrored)) == sorted(map(tuple, choices))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -115,3 +116,16 @@ def test_time_left_is_not_shown_where_none_is_given(make_env) -> None:
     config = ExploreConfig(observations=ObservationConfig(parts=("motion", "time_left")))
     with pytest.raises(InputError, match=r"ObservationConfig\.parts: .*Explore-v0.*time_left"):
         make_env(config=config)
+
+
+def test_there_is_room_for_every_reading_that_may_be_claimed() -> None:
+    """Compiled code writes them where it is told to: without room beyond the end of an array."""
+    env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="albot1")
+    env.reset(seed=1)
+    task = env.unwrapped._robot  # type: ignore[attr-defined]
+    rooms = {task._claims.points.shape[1]}
+    while len(rooms) < 3:
+        env.step(np.array((0.0, 1.0, -1.0), np.float32))
+        rooms.add(task._claims.points.shape[1])
+        assert max(rooms) > task.steps[0]
+    env.close()

@@ -112,3 +112,7 @@ def test_an_interruption_takes_the_process_with_it(
 def test_what_has_run_is_compiled() -> None:
     module._run_robots(EQUIPMENT)
     assert module.is_compiled()
+
+
+def test_robots_without_a_mapper_run_for_a_step() -> None:
+    module._run_robots(replace(EQUIPMENT, mapper=NO_MAPPER, mapper_config=None, threads=1))
