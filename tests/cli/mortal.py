@@ -28,6 +28,6 @@ register_mapper(
         sensors=frozenset({"laser"}),
         layers=("segments",),
         factory="tests.cli.mortal:Mortal",
-        config="albot_core.mappers.odometry.mapper:OdometryConfig",
+        config="albot_core.mappers.odometry.batch:OdometryConfig",
     )
 )

@@ -142,7 +142,8 @@ MAPPERS: dict[str, MapperSpec] = {
             sensors=_LASER,
             layers=("segments",),
             factory="albot_core.mappers.odometry.mapper:OdometryMapper",
-            config="albot_core.mappers.odometry.mapper:OdometryConfig",
+            config="albot_core.mappers.odometry.batch:OdometryConfig",
+            batch="albot_core.mappers.odometry.batch:OdometryBatch",
         ),
         MapperSpec(
             name="ratslam",

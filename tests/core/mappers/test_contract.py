@@ -315,9 +315,10 @@ def test_what_a_batch_does_single_ones_do(name):
             np.testing.assert_array_equal(mine, theirs)
 
 
-def test_the_way_travelled_stands_in_where_no_way_home_is_known():
-    batch = make_mappers("odometry", 1)
-    assert isinstance(batch, LoopedMappers)
+@pytest.mark.parametrize(("name", "is_looped"), [("odometry", False), ("association", True)])
+def test_the_way_travelled_stands_in_where_no_way_home_is_known(name, is_looped):
+    batch = make_mappers(name, 1)
+    assert isinstance(batch, LoopedMappers) == is_looped
     for reading in readings():
         batch.update(
             np.zeros(1, np.int64),
@@ -331,7 +332,7 @@ def test_the_way_travelled_stands_in_where_no_way_home_is_known():
     batch.find_ways(np.zeros(1, np.int64))
     assert np.isnan(batch.ways_home[0, :6]).all()
     assert batch.ways_home[0, 6] == pytest.approx(4.4)
-    other = make_mappers("odometry", 1)
+    other = make_mappers(name, 1)
     other.restore(0, batch.state(0))
     assert other.ways_home[0, 6] == batch.ways_home[0, 6]
     assert other.updates[0] == batch.updates[0]

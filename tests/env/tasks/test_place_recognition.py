@@ -13,8 +13,8 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import Estimate
-from albot_core.mappers.odometry.mapper import OdometryMapper
 from albot_core.mappers.registry import make_mapper
+from albot_core.mappers.slam.scan_matching import ScanMatching
 from albot_core.sensing.reading import Reading
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
@@ -52,9 +52,11 @@ def test_a_mapper_that_believes_to_be_nowhere_is_named(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     estimate = Estimate(pose=np.full(3, np.nan), home=np.zeros(3))
-    monkeypatch.setattr(OdometryMapper, "estimate", property(lambda _: estimate))
-    env = _make(two_rooms, config=THERE_AND_BACK, mapper="odometry")
-    with pytest.raises(InputError, match=r"^mapper odometry, reading \d+, estimate\.pose: .*nan"):
+    monkeypatch.setattr(ScanMatching, "estimate", property(lambda _: estimate))
+    env = _make(two_rooms, config=THERE_AND_BACK, mapper="scan-matching")
+    with pytest.raises(
+        InputError, match=r"^mapper scan-matching, reading \d+, estimate\.pose: .*nan"
+    ):
         env.reset(seed=1)
 
 

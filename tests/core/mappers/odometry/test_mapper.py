@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
-from albot_core.mappers.odometry.mapper import OdometryConfig, OdometryMapper
+from albot_core.mappers.odometry.batch import OdometryConfig
+from albot_core.mappers.odometry.mapper import OdometryMapper
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 from albot_core.sensing.view import construct_view
 
@@ -115,7 +116,7 @@ def test_the_map_is_bounded_and_keeps_the_newest():
         small.update(step)
         np.testing.assert_array_equal(small.snapshot().segments, plain.snapshot().segments[-30:])
     assert len(plain.snapshot().segments) > 100
-    assert len(small._store) < 200
+    assert len(small._robot._stores[0]) < 200
 
 
 def test_what_is_given_out_is_no_part_of_the_memory():
