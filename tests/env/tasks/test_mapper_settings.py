@@ -67,8 +67,3 @@ def test_a_mapper_that_needs_a_sensor_which_is_missing_is_refused(make) -> None:
         make("Albot/Explore-v0", mapper="seer")
     make("Albot/Explore-v0", mapper="seer", scenes="paper").close()
     MAPPERS.pop("seer")
-
-
-def test_of_an_unknown_mapper_it_is_said_that_there_may_be_none() -> None:
-    with pytest.raises(InputError, match=r"^mapper: expected none or one of albot0, albot1"):
-        gymnasium.make("Albot/Explore-v0", mapper="albot9")

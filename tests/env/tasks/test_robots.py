@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment
-from albot_maps import World
+from albot_maps import World, load_world
 
 
 @pytest.mark.parametrize("mapper", ["none", "odometry", "albot1"])
@@ -42,3 +43,19 @@ def test_a_robot_goes_on_as_if_never_stopped(two_rooms: World, mapper: str) -> N
             assert ours.tobytes() == its.tobytes(), attribute
         assert one.rooms_entered[0] == other.rooms_entered[1]
         assert np.array_equal(one.snapshot(0).segments, other.snapshot(1).segments)
+
+
+def test_a_robot_that_is_restored_under_another_key_has_other_noise() -> None:
+    env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="none")
+    env.reset(seed=1)
+    robots, world = env.unwrapped._robot, load_world("square-loop")  # type: ignore[attr-defined]
+    snapshot = robots.episode_snapshot(0)
+    ranges = []
+    for key in (None, None, 5, 6):
+        robots.restore(0, world, snapshot, key)
+        robots.observe()
+        ranges.append(robots.readings.ranges[0].copy())
+    env.close()
+    assert np.array_equal(ranges[0], ranges[1])
+    assert not np.array_equal(ranges[0], ranges[2])
+    assert not np.array_equal(ranges[2], ranges[3])

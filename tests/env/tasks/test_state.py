@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import pickle
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,10 @@ from albot_core.errors import InputError
 from albot_core.mappers.registry import installed_mappers
 from albot_env.recording.episode import NullRecorder
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks.core.episode_state import EpisodeState, check_state, is_same_world
+from albot_env.tasks.core.episode_state import EpisodeState, check_state
 from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
 from albot_env.tasks.explore.task import ExploreConfig
-from albot_maps import WorldSet, load_world
+from albot_maps import WorldSet
 from tests.env import quick
 from tests.env.vector.test_contract import assert_same
 
@@ -306,29 +305,3 @@ def test_a_mapping_of_settings_may_change_afterwards() -> None:
     assert json.loads(env.spec.to_json())["kwargs"]["config"]["observations"]["coverage"] == {
         "radius": 2.0
     }
-
-
-@pytest.mark.parametrize("part", ["walls", "glass", "starts"])
-def test_a_world_with_one_part_that_differs_is_another(part: str) -> None:
-    world = load_world("square-loop")
-    other = replace(world, **{part: np.array(getattr(world, part))})
-    assert is_same_world(world, other)
-    array = np.array(getattr(world, part))
-    changed = ~array if array.dtype == np.bool_ else array + 0.01
-    assert not is_same_world(world, replace(world, **{part: changed}))
-
-
-def test_a_robot_that_is_restored_under_another_key_has_other_noise() -> None:
-    env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="none")
-    env.reset(seed=1)
-    robots, world = env.unwrapped._robot, load_world("square-loop")  # type: ignore[attr-defined]
-    snapshot = robots.episode_snapshot(0)
-    ranges = []
-    for key in (None, None, 5, 6):
-        robots.restore(0, world, snapshot, key)
-        robots.observe()
-        ranges.append(robots.readings.ranges[0].copy())
-    env.close()
-    assert np.array_equal(ranges[0], ranges[1])
-    assert not np.array_equal(ranges[0], ranges[2])
-    assert not np.array_equal(ranges[2], ranges[3])

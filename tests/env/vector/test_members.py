@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode
 
 from albot_core.errors import InputError
 from tests.env import quick
-from tests.env.quick import LOOP
 from tests.env.vector.test_contract import assert_same
 
 
@@ -87,11 +86,3 @@ def test_masks_tell_what_an_observation_shows() -> None:
         single.step(0)
     assert over.all()
     np.testing.assert_array_equal(envs.unwrapped.action_masks()[:, 1:], seen["mask"] > 0)
-
-
-def test_without_a_limit_nothing_is_truncated() -> None:
-    envs = gymnasium.make_vec("Albot/ExploreAndHome-v0", num_envs=2, world=LOOP, mapper="none")
-    envs.reset(seed=1)
-    _, _, _, truncated, _ = envs.step(np.zeros((2, 3), np.float32))
-    envs.close()
-    assert not truncated.any()
