@@ -38,7 +38,7 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
 
 
 def test_it_covers_a_quarter_of_the_office_in_two_minutes() -> None:
-    journeys = [_explore("office-ring", 1200, seed) for seed in (1, 2, 3, 4, 5, 6)]
+    journeys = [_explore("office-ring", 1200, seed) for seed in (1, 2, 3)]
     assert all(info["coverage"] > 0.25 for info in journeys)
     assert np.median([info["coverage"] for info in journeys]) > 0.3
     assert all(info["rooms_entered"] >= 2 for info in journeys)
