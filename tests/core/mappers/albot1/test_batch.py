@@ -195,7 +195,7 @@ def test_one_of_a_batch_is_saved_and_goes_on_in_another() -> None:
 
 
 def test_mappers_without_a_batch_are_led_one_by_one() -> None:
-    batch = make_mappers("odometry", 2)
+    batch = make_mappers("association", 2)
     assert isinstance(batch, LoopedMappers)
     for name in ("albot1", "albot1-thesis"):
         assert isinstance(make_mappers(name, 2), Albot1Batch)
