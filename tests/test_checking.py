@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 import pytest
 from jaxtyping import Float, TypeCheckError
 
 from albot_core.geometry.poses import transform_points
-from tests.checking import checked
+from tests.checking import checked, is_told_by_kind
 
 
 def _joined(a: Float[np.ndarray, "n 2"], b: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
@@ -29,6 +30,15 @@ joined: Any = checked(_joined, typechecker=None)
 pair: Any = checked(typechecker=None)(Pair)
 
 
+@pytest.fixture(autouse=True)
+def _met() -> None:
+    """A call of each has passed, so that calls like it are not checked again."""
+    for count in (4, 4, 3):
+        joined(np.ones((count, 2)), np.ones(count))
+        pair(np.ones(count), np.ones(count))
+    transform_points(np.zeros(3), np.zeros((4, 2)))
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -36,6 +46,9 @@ pair: Any = checked(typechecker=None)(Pair)
         lambda: joined(np.ones((4, 2)), np.ones(4, int)),
         lambda: joined(np.ones((4, 2)), np.ones(3)),
         lambda: joined(np.ones((4, 2)), np.zeros(4)),  # The result has two columns.
+        lambda: joined(a=np.ones((4, 2)), b=np.zeros(4)),
+        lambda: joined(np.ones((4, 2)), b=np.ones(3)),
+        lambda: joined(np.ones((4, 2)), [1.0] * 4),
         lambda: pair(np.ones(4), np.ones(3)),
         lambda: transform_points(np.zeros(2), np.zeros((4, 2))),  # As the hook wraps our own.
     ],
@@ -49,3 +62,60 @@ def test_each_call_has_lengths_of_its_own() -> None:
     for count in (4, 3):
         assert joined(np.ones((count, 2)), np.ones(count)).shape == (count, 3)
     assert pair(np.ones(4), np.ones(4)).first.shape == (4,)
+
+
+class Place(NamedTuple):
+    """A tuple with a name."""
+
+    x: Any
+    y: Any
+
+
+def _between(both: tuple[Float[np.ndarray, " n"], float]) -> Float[np.ndarray, " n"]:
+    return both[0]
+
+
+def test_what_tuples_hold_is_looked_at_in_every_call() -> None:
+    between: Any = checked(_between, typechecker=None)
+    for both in ((np.ones(2), 1.0), Place(np.ones(2), 1.0)):
+        assert between(both).shape == (2,)
+    for wrong in ((np.ones(2), "1"), Place(np.ones(2), "1"), (np.ones(2, int), 1.0), (1.0, 1.0)):
+        with pytest.raises(TypeCheckError):
+            between(wrong)
+
+
+def _chosen(of: Literal["first", "second"], a: Float[np.ndarray, " n"]) -> None: ...
+
+
+def test_where_values_decide_every_call_is_checked() -> None:
+    chosen: Any = checked(_chosen, typechecker=None)
+    chosen("first", np.ones(2))
+    with pytest.raises(TypeCheckError):
+        chosen("third", np.ones(2))
+
+
+class Named(Protocol):
+    """What a type's instances have or lack."""
+
+    name: str
+
+
+@pytest.mark.parametrize(
+    ("hint", "told"),
+    [
+        (float | None, True),
+        (Float[np.ndarray, "n 2"] | dict, True),
+        (tuple[Float[np.ndarray, "2"], ...], True),
+        (Callable[[int], int], True),
+        (Pair, True),
+        (Literal["a"], False),
+        (Sequence[Float[np.ndarray, "2"]], False),
+        (dict[str, int] | None, False),
+        (tuple[Literal["a"], int], False),
+        (Named, False),
+        (Float[np.ndarray, "{size}"], False),  # It depends on an argument's value.
+        (Float[Any, "n"], False),
+    ],
+)
+def test_a_hint_is_told_by_kind_where_types_and_shapes_decide(hint: Any, told: bool) -> None:
+    assert is_told_by_kind(hint) == told
