@@ -22,6 +22,7 @@ ROUNDS = 6
 PARTS = (
     "laser",
     "mapper",
+    "views",
     "journey",
     "env",
     "processes",
@@ -63,7 +64,8 @@ def command(
 ) -> None:
     """Measure speed: laser, mappers, environments, a learner, random worlds and start-up.
 
-    The part `journey` leads a mapper 10 km through a building, to see whether it slows down.
+    The part `views` compares distances between the views that `albot1` takes in. The part `journey`
+    leads a mapper 10 km through a building, to see whether it slows down.
     Each other figure is the best of several rounds on one core; `processes` uses a core for each
     process, `learner` all cores.
     """
@@ -107,6 +109,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.ratslam import measure_ratslam
     from albot_benchmarks.slam import measure_slam
     from albot_benchmarks.startup import measure_startup
+    from albot_benchmarks.view_spacing import measure_view_spacing
 
     readings = read_log(log).readings if log else None
     return {
@@ -117,6 +120,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
             *measure_growth(),
             *measure_splitting(),
         ],
+        "views": measure_view_spacing,
         "journey": measure_long_run,
         "env": lambda: measure_environments(rounds=rounds),
         "processes": measure_processes,
@@ -147,6 +151,7 @@ def as_text(figures: Figures) -> str:
     ]
     lines += map(_laser, figures["laser"])
     lines += map(_mapper, figures["mapper"])
+    lines += map(_views, figures.get("views", ()))
     lines += map(_journey, figures["journey"])
     lines += map(_environment, figures["env"])
     lines += map(_processes, filter(None, [figures["processes"]]))
@@ -186,6 +191,16 @@ def _mapper(row: Figures) -> str:
     return (
         f"mapper      {row['surfaces']:7,d} surfaces  "
         f"{row['readings_per_second']:8,.0f} readings/s  {row['name']}{batch}"
+    )
+
+
+def _views(row: Figures) -> str:
+    return (
+        f"views       {row['spacing_m']:5.1f} m, {row['turn_deg']:2.0f}°     "
+        f"{row['speed']:5.2f} times the speed of the first; position error "
+        f"{row['error_median_m']:.3f} m, 95 % within {row['error_95_m']:.3f} m, of the last within "
+        f"{row['last_95_m']:.3f} m; {row['rooms']} rooms, {row['exits']} exits, {row['places']} "
+        f"places  {row['kind']}"
     )
 
 

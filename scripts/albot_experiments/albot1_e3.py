@@ -68,7 +68,7 @@ JUDGED = ("corridor", "office")
 """The floors on which the thesis's figures must be reached."""
 LONGEST = "albot1-thesis, longest"
 """The thesis's with the longest landmark, as its text at figure 3.11 says, not eq. (3.5)."""
-CONFIGS: Mapping[str, Mapping[str, bool]] = {
+CONFIGS: Mapping[str, Mapping[str, float]] = {
     "albot1-thesis": CHAPTER_3,
     LONGEST: CHAPTER_3 | {"longest_landmark": True},
     "albot1-tracked": CHAPTER_3,

@@ -14,6 +14,7 @@ from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import PlaceGraph
+from albot_experiments.mapping import EVERY_READING
 from albot_experiments.tours import Journey
 from albot_maps import World
 
@@ -100,12 +101,12 @@ def place_journey(
 ) -> PlacedJourney:
     """Lead a fresh mapper through a journey, and keep where it believed to be.
 
-    `config` is as `make_mapper` takes it.
+    `config` is as `make_mapper` takes it; by default every reading is a view.
 
     Raises:
         InputError: The mapper is no Albot1.
     """
-    mapper = make_mapper(name, config=config)
+    mapper = make_mapper(name, config=EVERY_READING if config is None else config)
     if not isinstance(mapper, Albot1):
         raise InputError("mapper", "one of Albot1's", name)
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)

@@ -17,7 +17,7 @@ from albot_experiments.albot1_c3 import second_lap, twice_round
 from albot_experiments.albot1_e3 import DISTURBANCE, FLOORS, moved_by
 from albot_experiments.albot1_e6 import thinned, wall_errors
 from albot_experiments.albot1_places import place_journey
-from albot_experiments.mapping import map_readings
+from albot_experiments.mapping import EVERY_READING, map_readings
 from albot_experiments.real_logs import LOGS, read_real_log
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.revisiting import TOUR, WORLD, map_drive
@@ -74,6 +74,8 @@ def config_of(preset: str, readings: tuple[str, ...]) -> Albot1Config:
         view=replace(config.view, grazing_ends="obstructing" not in readings),
         keeps_outer_end="outer end kept" in readings,
         covered_is_reobserved="covered" in readings,
+        view_spacing=EVERY_READING["view_spacing"],
+        view_turn=EVERY_READING["view_turn"],
     )
 
 

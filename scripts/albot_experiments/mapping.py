@@ -27,9 +27,12 @@ ALBOT1 = ("albot1-thesis", "albot1-tracked", "albot1")
 landmarks of a view together, and ours."""
 MAPPERS = (*ALBOT1, "odometry")
 """With the odometer alone beside them."""
-CHAPTER_3 = {"remembers_places": False}
-"""The config of Albot1's mappers in experiments of chapter 3: no network of places, which chapter 4
-adds, and so no update that an exit forces."""
+EVERY_READING = {"view_spacing": 0.0, "view_turn": 0.0}
+"""The config of Albot1's mappers in the thesis's experiments: every reading is a view, for how far
+apart views are is part of an experiment."""
+CHAPTER_3 = {"remembers_places": False, **EVERY_READING}
+"""That in experiments of chapter 3: no network of places either, which chapter 4 adds, and so no
+update that an exit forces."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ from albot_core.plain_data import LARGEST, Location, changed_fields
 from albot_core.yaml_document import YamlDocument
 
 FORMAT = "albot-map"
-VERSION = 8
+VERSION = 9
 
 _MOST = 2**53
 """Largest count in a file; up to this, whole numbers are exact as floats."""

@@ -25,7 +25,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import unknown_odometer
-from albot_core.mappers.albot1.perceptual_map.viewing import ViewSettings
+from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS, ViewSettings
 from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
@@ -86,6 +86,7 @@ class Albot1Batch:
             table=np.zeros((count, COLUMNS), np.int64),
             progress=np.zeros((count, 5), np.int64),
             odometers=np.tile(unknown_odometer(), (count, 1)),
+            sectors=np.zeros((count, SECTORS)),
             since=np.zeros((count, 3)),
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
@@ -195,7 +196,13 @@ class Albot1Batch:
         view.size[0] = 0
         view.pose[:] = 0.0
         robots = self._robots
-        for array in (robots.progress, robots.since, robots.poses, robots.crumb_poses):
+        for array in (
+            robots.progress,
+            robots.sectors,
+            robots.since,
+            robots.poses,
+            robots.crumb_poses,
+        ):
             array[row] = 0
         robots.odometers[row] = unknown_odometer()
         self._robots.surfaces[row] = 0

@@ -28,6 +28,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import ROW, UNSIGNED
+from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS
 from albot_core.mappers.albot1.places.exits import (
     CROSSING_EXPECTED,
     CROSSING_SEEN,
@@ -43,6 +44,7 @@ from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths,
 STORED_ROWS = {
     "progress": "progress",
     "odometer": "odometers",
+    "sectors": "sectors",
     "since": "since",
     "trod": "crumb_poses",
 }
@@ -101,9 +103,9 @@ def check_rows(state: Mapping[str, np.ndarray]) -> None:
     ):
         expected = "a mean square, a flag, a translation and a mean square"
         raise InputError("odometer", expected, str(odometer.tolist()))
-    for name in ("since", "trod"):
-        if state[name].shape != (3,) or not np.isfinite(state[name]).all():
-            raise InputError(name, "three finite numbers", str(state[name].tolist()))
+    for name, size in (("since", 3), ("trod", 3), ("sectors", SECTORS)):
+        if state[name].shape != (size,) or not np.isfinite(state[name]).all():
+            raise InputError(name, f"{size} finite numbers", str(state[name].tolist()))
 
 
 def _part(state: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

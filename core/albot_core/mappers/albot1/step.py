@@ -38,7 +38,12 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     room_left,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, make_match_buffers
-from albot_core.mappers.albot1.perceptual_map.viewing import ViewSettings, take_view
+from albot_core.mappers.albot1.perceptual_map.viewing import (
+    ViewSettings,
+    is_view_due,
+    note_sectors,
+    take_view,
+)
 from albot_core.mappers.albot1.places.exits import cross_exit, remember_exits
 from albot_core.mappers.albot1.places.visits import keep_or_drop_candidate
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
@@ -61,6 +66,8 @@ class BatchArrays(NamedTuple):
     """(n, 5) int64: how far it has come (see `mapping`)."""
     odometers: np.ndarray
     """(n, 5) float64: what it has learnt of its odometer (see `odometer_error`)."""
+    sectors: np.ndarray
+    """(n, SECTORS) float64: the nearest ranges of its last view (m; see `viewing`)."""
     since: np.ndarray
     """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
     poses: np.ndarray
@@ -174,13 +181,14 @@ def _step(
     robots.events[row] = 0
     if not is_first:
         compose_pose(robots.since[row], motion, since)
-    # A reading so near to the last view only moves the robot.
-    square = since[0] * since[0] + since[1] * since[1]
-    is_near = square < limits.view_spacing**2 and abs(since[2]) < limits.view_turn
-    if (is_first or not is_near) and not _step_view(
-        robots, row, previous, current, ranges, since, settings, limits, view_buffers, buffers
-    ):
-        return False
+    odometer, sectors = robots.odometers[row], robots.sectors[row]
+    # A reading that is no view only moves the robot.
+    if is_first or is_view_due(ranges, since, motion, odometer, sectors, limits):
+        if not _step_view(
+            robots, row, previous, current, ranges, since, settings, limits, view_buffers, buffers
+        ):
+            return False
+        note_sectors(ranges, sectors)
     for i in range(3):
         robots.since[row, i] = since[i]
     pose = robots.poses[row]

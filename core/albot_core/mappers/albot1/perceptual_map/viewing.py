@@ -1,4 +1,7 @@
-"""Taking a view from a scan, with its landmarks (algorithm 4, lines 2 to 4). Compiled."""
+"""Views: when a scan is taken as one, and how, with its landmarks (algorithm 4, lines 2 to 4).
+
+Compiled.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.compiled import kernel
+from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
+from albot_core.mappers.albot1.perceptual_map.odometer_error import HAS_MOVED
 from albot_core.matching.lines import line_length
 from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
+
+SECTORS = 16
+"""A scan is compared with that of the last view by the nearest range in each of so many sectors."""
+SECTOR_CHANGE = 0.1
+"""A scan has changed where the nearest range in a sector has by more than this (m)."""
+FAR = 100.0
+"""A sector without an echo counts as if the nearest were so far away (m)."""
+STANDING = 0.005
+"""A robot stands if a reading reports a motion no larger than this (m, rad)."""
 
 
 class ViewSettings(NamedTuple):
@@ -31,6 +44,58 @@ class ViewSettings(NamedTuple):
     grazing_ends: bool
     cut_ends: bool
     """See `ViewConfig`."""
+
+
+@kernel()
+def is_view_due(
+    ranges: np.ndarray,
+    since: np.ndarray,
+    motion: np.ndarray,
+    odometer: np.ndarray,
+    sectors: np.ndarray,
+    limits: Albot1Limits,
+) -> bool:
+    """Whether a scan is to be taken as a view, by the motion `since` the last one.
+
+    Below `view_spacing` and `view_turn` it is only if the odometer cannot be believed: `albot1`,
+    which does without one, takes each scan as a view until the odometer has reported a motion
+    (`odometer`), and where the last `motion` is none and yet the scan is another than the last
+    view's (`sectors`).
+    """
+    square = since[0] * since[0] + since[1] * since[1]
+    if square >= limits.view_spacing**2 or abs(since[2]) >= limits.view_turn:
+        return True
+    if not limits.submap_matching:
+        return False
+    if odometer[HAS_MOVED] == 0.0:
+        return True
+    is_standing = max(abs(motion[0]), abs(motion[1]), abs(motion[2])) <= STANDING
+    return is_standing and _has_changed(ranges, sectors)
+
+
+_nearest = scratch(SECTORS)
+
+
+@kernel()
+def _has_changed(ranges: np.ndarray, sectors: np.ndarray) -> bool:
+    """Whether the nearest range in any sector differs from that of `sectors`."""
+    nearest, most = _nearest(), 0.0
+    note_sectors(ranges, nearest)
+    for k in range(SECTORS):
+        most = max(most, abs(nearest[k] - sectors[k]))
+    return most > SECTOR_CHANGE
+
+
+@kernel()
+def note_sectors(ranges: np.ndarray, sectors: np.ndarray) -> None:
+    """Write the nearest range in each sector (m), or FAR if nothing is nearer."""
+    beams = ranges.shape[0]
+    for k in range(SECTORS):
+        nearest = FAR
+        for beam in range(k * beams // SECTORS, (k + 1) * beams // SECTORS):
+            if ranges[beam] < nearest:
+                nearest = ranges[beam]
+        sectors[k] = nearest
 
 
 @kernel()
