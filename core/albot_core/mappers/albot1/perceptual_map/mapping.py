@@ -51,7 +51,7 @@ from albot_core.mappers.albot1.perceptual_map.overlay import (
     same_wall,
     view_boundary,
 )
-from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
+from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, pair_views
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
 from albot_core.mappers.albot1.perceptual_map.tracking import localize_jointly, search_turn
 from albot_core.matching.lines import heading_of, line_length, wrap
@@ -322,9 +322,8 @@ def map_step(
         while True:
             compose_pose(previous.pose, motion, current.pose)  # Alg. 4, line 10
             if limits.submap_matching:
-                recognized, agreement = match_submap(
-                    pm, previous, current, motion, limits, odometer, beam_model, buffers
-                )
+                pair = pair_views(previous, current, motion, odometer, limits, beam_model, buffers)
+                recognized, agreement = match_submap(pm, pair)
             else:  # Alg. 4, lines 11, 14 and 19
                 recognized = _recognize_and_localize(pm, previous, current, motion, limits, buffers)
             is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0

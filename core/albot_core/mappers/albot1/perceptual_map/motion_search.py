@@ -6,12 +6,13 @@ motions are aligned, so each that is taken out of a search differs in its turn f
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import copy_pose
-from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
     LAST_X,
@@ -28,7 +29,7 @@ from albot_core.mappers.albot1.perceptual_map.range_profile import (
     turn_at,
     turn_cost,
 )
-from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, describe_previous
+from albot_core.mappers.albot1.perceptual_map.submap import ViewPair, describe_previous
 from albot_core.matching.lines import wrap
 
 ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
@@ -64,68 +65,60 @@ motion it does not."""
 _trial, _of_one = scratch(3), scratch(TURNS)
 
 
+class MotionSearch(NamedTuple):
+    """What a search of motions has found, and what was made of it."""
+
+    scores: np.ndarray
+    """(TURNS,) float64: each turn's best score of all translations…"""
+    shifts: np.ndarray
+    """(TURNS, 2) float64: …and with that translation (m)."""
+    turns: np.ndarray
+    """(BY_TURN,) float64: the turns with which motions of the odometer's translation were aligned
+    (rad); NaN for none."""
+
+
 @kernel()
-def most_motions(
-    previous: LocatedView,
-    motion: np.ndarray,
-    directions: int,
-    odometer: np.ndarray,
-    buffers: MatchBuffers,
-) -> int:
+def most_motions(pair: ViewPair) -> int:
     """Return how many motions may be aligned.
 
     It is one, of the odometer's translation, where there is no odometer, or the robot has not moved
     yet, and the view shows it to stand as it stood before. Most robots do so before they first
     move, and to look for a motion takes twenty times as long as all the rest.
     """
-    if odometer[HAS_MOVED] > 0.0:
+    if pair.odometer[HAS_MOVED] > 0.0:
         return MOTIONS
-    x, y = odometer[LAST_X], odometer[LAST_Y]
+    x, y = pair.odometer[LAST_X], pair.odometer[LAST_Y]
     if x * x + y * y >= STANDING * STANDING:
         return GUESSES
-    return 1 if agreement_after(previous, motion, directions, buffers) > ALIKE else GUESSES
+    return 1 if agreement_after(pair, pair.motion) > ALIKE else GUESSES
 
 
 @kernel()
 def propose_motion(
-    k: int,
-    first: float,
-    most: int,
-    previous: LocatedView,
-    motion: np.ndarray,
-    limits: Albot1Limits,
-    scale: float,
-    directions: int,
-    odometer: np.ndarray,
-    buffers: MatchBuffers,
-    scores: np.ndarray,
-    shifts: np.ndarray,
-    turns: np.ndarray,
-    trial: np.ndarray,
+    k: int, first: float, most: int, pair: ViewPair, search: MotionSearch, trial: np.ndarray
 ) -> tuple[float, float]:
     """Propose the motion that is aligned as the `k`-th, as `take_motion` does.
 
-    `first` is the score of the one before all others, `most` as `most_motions` says; with the
-    odometer's translation and `turns`, NaN for none, motions were aligned before.
+    `first` is the score of the one before all others, `most` as `most_motions` says.
     """
-    known = (scale, directions, odometer, buffers, scores, shifts)
-    if odometer[HAS_MOVED] == 0.0:
+    motion, scale, limits = pair.motion, pair.turn_scale, pair.limits
+    if pair.odometer[HAS_MOVED] == 0.0:
         if k == 0:
             cells = GUESS_CELLS if most > 1 else 0
-            search_motions(previous, motion, cells, GUESS_SPACING, np.pi, np.inf, limits, *known)
+            search_motions(pair, cells, GUESS_SPACING, np.pi, np.inf, search)
     elif k == 0:
         widest = min(limits.turn_search, ODD_TURN * scale)
-        search_motions(previous, motion, 0, 0.0, widest, NEARLY, limits, *known)
+        search_motions(pair, 0, 0.0, widest, NEARLY, search)
     elif k == ALWAYS:
         # The two views may hardly agree under any turn; the map may know better.
         copy_pose(motion, trial)
         return first, 0.0
     elif k == BY_TURN:
-        reach = max(REACH, 2.0 * shift_scale(odometer, limits))
-        search_motions(previous, motion, 1, reach, WIDEST_TURN, np.inf, limits, *known)
-    score, turn = take_motion(scores, shifts, motion, trial)
-    while score > -np.inf and _is_aligned(turn, trial, motion, turns):
-        score, turn = take_motion(scores, shifts, motion, trial)
+        reach = max(REACH, 2.0 * shift_scale(pair.odometer, limits))
+        search_motions(pair, 1, reach, WIDEST_TURN, np.inf, search)
+    score, turn = take_motion(search, motion, trial)
+    while score > -np.inf and _is_aligned(turn, trial, motion, search.turns):
+        score, turn = take_motion(search, motion, trial)
     return score, turn
 
 
@@ -156,69 +149,55 @@ def _is_aligned(turn: float, trial: np.ndarray, motion: np.ndarray, turns: np.nd
 
 @kernel()
 def search_motions(
-    previous: LocatedView,
-    motion: np.ndarray,
+    pair: ViewPair,
     cells: int,
     spacing: float,
     widest: float,
     nearly: float,
-    limits: Albot1Limits,
-    scale: float,
-    directions: int,
-    odometer: np.ndarray,
-    buffers: MatchBuffers,
-    scores: np.ndarray,
-    shifts: np.ndarray,
+    search: MotionSearch,
 ) -> None:
     """Compare the profile of the view, which is in the buffers, with that of the previous one.
 
     Args:
-        previous: The previous view.
-        motion: The motion since, by the odometer (m, rad; the previous view's frame).
+        pair: The two views.
         cells: So many translations either way along each axis are tried around the motion's…
         spacing: …so far apart (m).
         widest: The largest turn (rad) that is added to the motion's.
         nearly: Turns whose score is farther than this below the best one may be left out.
-        limits: The mapper's thresholds.
-        scale: That of the odometer's errors of turn (rad).
-        directions: In how many directions the view sees a wall.
-        odometer: What has been learnt of it.
-        buffers: The view's profile is the first.
-        scores: (TURNS,), filled with each turn's best score of all translations…
-        shifts: (TURNS, 2), …and with that translation (m).
+        search: Filled with each turn's best score, and its translation.
     """
-    trial, of_one = _trial(), _of_one()
+    buffers, motion, trial, of_one = pair.buffers, pair.motion, _trial(), _of_one()
     copy_pose(motion, trial)
     for place in range(TURNS):
-        scores[place] = -np.inf
+        search.scores[place] = -np.inf
     side = 2 * cells + 1
     for cell in range(side * side):
         trial[0] = motion[0] + spacing * (cell // side - cells)
         trial[1] = motion[1] + spacing * (cell % side - cells)
-        total = describe_previous(previous, trial, 0, buffers)
+        total = describe_previous(pair.previous, trial, 0, buffers)
         fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
-        profiles = buffers.profiles[0], directions, buffers.profiles[1]
-        score_turns(*profiles, widest, scale, of_one, nearly)
-        cost = shift_cost(trial, motion, odometer, limits)
+        profiles = buffers.profiles[0], pair.directions, buffers.profiles[1]
+        score_turns(*profiles, widest, pair.turn_scale, of_one, nearly)
+        cost = shift_cost(trial, motion, pair.odometer, pair.limits)
         for place in range(TURNS):
-            if of_one[place] - cost > scores[place]:
-                scores[place] = of_one[place] - cost
-                shifts[place, 0], shifts[place, 1] = trial[0], trial[1]
+            if of_one[place] - cost > search.scores[place]:
+                search.scores[place] = of_one[place] - cost
+                search.shifts[place, 0], search.shifts[place, 1] = trial[0], trial[1]
 
 
 @kernel()
 def take_motion(
-    scores: np.ndarray, shifts: np.ndarray, motion: np.ndarray, likely: np.ndarray
+    search: MotionSearch, motion: np.ndarray, likely: np.ndarray
 ) -> tuple[float, float]:
     """Take the likeliest motion out of what `search_motions` has found: its score, and its turn.
 
     `likely` becomes the motion's translation, with the turn of `motion` (rad), to which the turn
     returned is to be added. The score is -inf where none is left.
     """
-    place, score = take_likeliest(scores)
+    place, score = take_likeliest(search.scores)
     copy_pose(motion, likely)
     if score > -np.inf:
-        likely[0], likely[1] = shifts[place, 0], shifts[place, 1]
+        likely[0], likely[1] = search.shifts[place, 0], search.shifts[place, 1]
     return score, turn_at(place)
 
 
@@ -255,12 +234,11 @@ def motion_cost(
 
 
 @kernel()
-def agreement_after(
-    previous: LocatedView, motion: np.ndarray, directions: int, buffers: MatchBuffers
-) -> float:
+def agreement_after(pair: ViewPair, motion: np.ndarray) -> float:
     """How well the profiles of the two views agree if the robot moved by `motion` between them."""
     # Behind all that is expected, whose rows are still of use.
+    previous, buffers = pair.previous, pair.buffers
     first = buffers.expected.shape[0] - previous.size[0]
     total = describe_previous(previous, motion, first, buffers)
     fill_profile(buffers.expected[first:total], UNSEEN_THERE, buffers.profiles[1])
-    return agreement(buffers.profiles[0], directions, buffers.profiles[1], 0)
+    return agreement(buffers.profiles[0], pair.directions, buffers.profiles[1], 0)

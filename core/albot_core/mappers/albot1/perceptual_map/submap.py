@@ -26,8 +26,14 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     find_surfaces,
 )
 from albot_core.mappers.albot1.perceptual_map.near_walls import tabulate
-from albot_core.mappers.albot1.perceptual_map.range_profile import BINS
+from albot_core.mappers.albot1.perceptual_map.odometer_error import turn_scale
+from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    BINS,
+    UNSEEN_HERE,
+    fill_profile,
+)
 from albot_core.matching.lines import beside, measure, moved_ends
+from albot_core.sensing.beam_model import BeamModel
 
 REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
 """A wall this near to one of an earlier visit (m), and turned no more (15°, by its cosine), may be
@@ -53,6 +59,26 @@ class MatchBuffers(NamedTuple):
     """(2, 3 BINS) int32: range profiles of the view and of what is expected."""
 
 
+class ViewPair(NamedTuple):
+    """A view to be matched, the one before it, and the way between them."""
+
+    previous: LocatedView
+    current: LocatedView
+    seen: np.ndarray
+    """(n, 10) float64: the rows of the walls in view."""
+    directions: int
+    """In how many directions the view sees a wall; its profile is the first in the buffers."""
+    motion: np.ndarray
+    """(3,) float64: the motion between the two, by the odometer (m, rad; the previous frame)."""
+    odometer: np.ndarray
+    """(ROW,) float64: what has been learnt of it (see `odometer_error`)."""
+    turn_scale: float
+    """The scale of its errors of turn (rad)."""
+    limits: Albot1Limits
+    beam_model: BeamModel
+    buffers: MatchBuffers
+
+
 @kernel(arrays=True)
 def make_match_buffers(views: int, capacity: int) -> MatchBuffers:
     """Buffers for views of so many surfaces and maps of such a capacity."""
@@ -65,6 +91,25 @@ def make_match_buffers(views: int, capacity: int) -> MatchBuffers:
         np.empty(room + views, np.int64),
         np.empty((views, 2), np.int64),
         np.empty((2, 3 * BINS), np.int32),
+    )
+
+
+@kernel()
+def pair_views(
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    odometer: np.ndarray,
+    limits: Albot1Limits,
+    beam_model: BeamModel,
+    buffers: MatchBuffers,
+) -> ViewPair:
+    """Describe the walls of the view, and its profile; return it with the view before it."""
+    seen = buffers.seen[: describe_seen(current, buffers)]
+    directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
+    scale = turn_scale(odometer, limits)
+    return ViewPair(
+        previous, current, seen, directions, motion, odometer, scale, limits, beam_model, buffers
     )
 
 
@@ -95,27 +140,21 @@ def describe_previous(
 
 
 @kernel()
-def describe_nearby(
-    pm: PerceptualMap,
-    previous: LocatedView,
-    current: LocatedView,
-    limits: Albot1Limits,
-    buffers: MatchBuffers,
-) -> tuple[int, int]:
+def describe_nearby(pm: PerceptualMap, pair: ViewPair) -> tuple[int, int]:
     """Describe all that may be in view: what the map holds nearby, and the previous view's walls.
 
     Returns how many walls are remembered, and how many there are with the previous view's.
     """
-    box, ends, pose = _box(), _from_here(), current.pose
-    _box_around_view(pose, buffers.seen[: current.size[0]], limits, box)
+    box, ends, pose, buffers = _box(), _from_here(), pair.current.pose, pair.buffers
+    _box_around_view(pose, pair.seen, pair.limits, box)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     remembered = find_surfaces(pm, box, buffers.slots)
     for q in range(remembered):
         seen_from(pose, cos, sin, pm.surfaces[buffers.slots[q]], ends)
         measure(ends, buffers.expected[q])
     motion = _motion()
-    relative_pose(previous.pose, pose, motion)
-    total = describe_previous(previous, motion, remembered, buffers)
+    relative_pose(pair.previous.pose, pose, motion)
+    total = describe_previous(pair.previous, motion, remembered, buffers)
     tabulate(buffers.expected[:total], buffers.table)
     return int(remembered), int(total)
 
@@ -142,16 +181,13 @@ def _box_around_view(
 
 @kernel()
 def note_reobserved(
-    pm: PerceptualMap,
-    slots: np.ndarray,
-    expected: np.ndarray,
-    seen: np.ndarray,
-    correction: np.ndarray,
-    limits: Albot1Limits,
+    pm: PerceptualMap, pair: ViewPair, remembered: int, correction: np.ndarray
 ) -> None:
     """Count the remembered surfaces of earlier visits that may be in view, each for its visit."""
+    seen, limits = pair.seen, pair.limits
+    slots, expected = pair.buffers.slots, pair.buffers.expected
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
-    for q in range(expected.shape[0]):
+    for q in range(remembered):
         visit = pm.marks[slots[q]]
         if visit == pm.counts[VISIT] or pm.reobserved[visit, GATE] == NEVER:
             continue

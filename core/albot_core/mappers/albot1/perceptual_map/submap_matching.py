@@ -27,14 +27,11 @@ from albot_core.geometry.pose_kernels import rotate, rotate_back
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose, relative_pose
-from albot_core.mappers.albot1.perceptual_map.memory import (
-    NOT_RECOGNIZED,
-    LocatedView,
-    PerceptualMap,
-)
+from albot_core.mappers.albot1.perceptual_map.memory import NOT_RECOGNIZED, PerceptualMap
 from albot_core.mappers.albot1.perceptual_map.motion_search import (
     ALWAYS,
     BY_TURN,
+    MotionSearch,
     agreement_after,
     is_likely,
     most_motions,
@@ -47,17 +44,12 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     LAST_X,
     LAST_Y,
     shift_scale,
-    turn_scale,
 )
-from albot_core.mappers.albot1.perceptual_map.range_profile import (
-    TURNS,
-    UNSEEN_HERE,
-    fill_profile,
-)
+from albot_core.mappers.albot1.perceptual_map.range_profile import TURNS
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
+    ViewPair,
     describe_nearby,
-    describe_seen,
     note_reobserved,
 )
 from albot_core.matching.least_squares import (
@@ -111,99 +103,77 @@ _scores, _shifts, _turns = scratch(TURNS), scratch(TURNS, 2), scratch(BY_TURN)
 
 
 @kernel()
-def match_submap(
-    pm: PerceptualMap,
-    previous: LocatedView,
-    current: LocatedView,
-    motion: np.ndarray,
-    limits: Albot1Limits,
-    odometer: np.ndarray,
-    beam_model: BeamModel,
-    buffers: MatchBuffers,
-) -> tuple[int, float]:
-    """Move `current.pose` from where `motion` leads to where the remembered surfaces say.
+def match_submap(pm: PerceptualMap, pair: ViewPair) -> tuple[int, float]:
+    """Move the current view's pose from where its motion leads to where the remembered walls say.
 
-    Sets `current.slots` for the landmarks recognised there; returns their number, and the share of
-    the walls in view that lies on what is expected there.
+    Sets the view's `slots` for the landmarks recognised there; returns their number, and the share
+    of the walls in view that lies on what is expected there.
     """
-    seen = buffers.seen[: describe_seen(current, buffers)]
-    directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
-    scale, is_missing = turn_scale(odometer, limits), odometer[HAS_MOVED] == 0.0
+    pose, limits, is_missing = pair.current.pose, pair.limits, pair.odometer[HAS_MOVED] == 0.0
     correction, chosen, start, trial = _correction(), _chosen(), _start(), _trial()
-    scores, shifts, turns = _scores(), _shifts(), _turns()
-    turns[:] = np.nan
+    search = MotionSearch(_scores(), _shifts(), _turns())
+    search.turns[:] = np.nan
     share = best = worth = first = 0.0
     kept = aligned = remembered = 0
-    known = (scale, directions, odometer, buffers, scores, shifts)
-    rivals = (previous, motion, scale, limits, odometer, directions, buffers)
-    scene = (pm, previous, current, seen, limits, odometer, beam_model, buffers, correction)
-    most = most_motions(previous, motion, directions, odometer, buffers)
+    most = most_motions(pair)
     for k in range(most):
-        if not is_missing and k >= ALWAYS and share >= limits.unsure:
+        is_sure = share >= limits.unsure
+        if not is_missing and k >= ALWAYS and is_sure:
             break
-        score, turn = propose_motion(k, first, most, previous, motion, limits, *known, turns, trial)
+        # Step 1: a motion under which the range profiles agree.
+        score, turn = propose_motion(k, first, most, pair, search, trial)
         first = score if k == 0 else first
-        is_first_search = not is_missing and k < BY_TURN
-        if not is_likely(k, score, first, share >= limits.unsure, odometer):
+        if not is_likely(k, score, first, is_sure, pair.odometer):
             continue
-        if is_first_search:
-            turns[k] = turn
+        if not is_missing and k < BY_TURN:
+            search.turns[k] = turn
         if k > 0 and aligned == 0:
             # Only now, for mostly the first motion, which is always aligned, has no rival.
-            best = _worth(share, start, chosen, *rivals)
-        remembered, its_share = _align(trial, turn, *scene)
+            best = _worth(share, start, chosen, pair)
+        # Step 2: what is remembered nearby, and the last view.
+        compose_pose(pair.previous.pose, trial, pose)
+        pose[2] = wrap(pose[2] + turn)
+        remembered, total = describe_nearby(pm, pair)
+        # Step 3: the pose at which the view lies on it.
+        its_share = _align(pm, pair, trial, turn, remembered, total, correction)
         aligned = k
         if k > 0:
-            worth = _worth(its_share, current.pose, correction, *rivals)
+            worth = _worth(its_share, pose, correction, pair)
         if k == 0 or worth > best + SAME_WORTH:
             best, share, kept = worth, its_share, k
             copy_pose(correction, chosen)
-            copy_pose(current.pose, start)
+            copy_pose(pose, start)
     if kept != aligned:
-        copy_pose(start, current.pose)
-        remembered, _ = describe_nearby(pm, previous, current, limits, buffers)
-    expected, slots, landmarks = buffers.expected[:remembered], buffers.slots, buffers.landmarks
-    turned = np.cos(chosen[2]), np.sin(chosen[2])
-    found = match_landmarks(
-        current.edges, seen, pm.edges, remembered, chosen, *turned, limits, buffers
-    )
-    for k in range(current.size[0]):
-        row = landmarks[k, ROW]
-        current.slots[k] = slots[row] if row >= 0 else NOT_RECOGNIZED
-    note_reobserved(pm, slots, expected, seen, chosen, limits)
-    cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
+        copy_pose(start, pose)
+        remembered, _ = describe_nearby(pm, pair)
+    found = _recognise_landmarks(pm, pair, remembered, chosen)
+    note_reobserved(pm, pair, remembered, chosen)
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
     x, y = rotate(cos, sin, chosen[0], chosen[1])
-    current.pose[0] += x
-    current.pose[1] += y
-    current.pose[2] = wrap(current.pose[2] + chosen[2])
+    pose[0] += x
+    pose[1] += y
+    pose[2] = wrap(pose[2] + chosen[2])
     return int(found), float(share)
 
 
 @kernel()
 def _align(
+    pm: PerceptualMap,
+    pair: ViewPair,
     motion: np.ndarray,
     turn: float,
-    pm: PerceptualMap,
-    previous: LocatedView,
-    current: LocatedView,
-    seen: np.ndarray,
-    limits: Albot1Limits,
-    odometer: np.ndarray,
-    beam_model: BeamModel,
-    buffers: MatchBuffers,
+    remembered: int,
+    total: int,
     correction: np.ndarray,
-) -> tuple[int, float]:
-    """Steps 2 and 3, from where `motion` and a further turn lead.
+) -> float:
+    """Step 3: find the correction of the current pose, where `motion` and a further turn lead.
 
-    Sets `current.pose` to there, and its correction. Returns how many walls are remembered there,
-    and the share of the walls in view that lies on what is expected. The pose is held there, or,
-    without an odometer, where the robot's last translation would lead once more.
+    Returns the share of the walls in view that lies on the `total` walls expected, of which the
+    first are `remembered`. The pose is held where it is, or, without an odometer, where the robot's
+    last translation would lead once more.
     """
-    compose_pose(previous.pose, motion, current.pose)
-    current.pose[2] = wrap(current.pose[2] + turn)
-    remembered, total = describe_nearby(pm, previous, current, limits, buffers)
-    expected = buffers.expected[:total]
-    wide, share = WIDEN, 0.0
+    odometer, limits, buffers = pair.odometer, pair.limits, pair.buffers
+    expected, wide, share = buffers.expected[:total], WIDEN, 0.0
     correction[0] = correction[1] = correction[2] = 0.0
     motion_weight = 1.0 / shift_scale(odometer, limits) ** 2
     turn_weight = 1.0 / limits.turn_error**2
@@ -213,12 +183,12 @@ def _align(
         goal = rotate_back(np.cos(motion[2] + turn), np.sin(motion[2] + turn), x, y)
     for _ in range(ROUNDS):
         moved = correction, np.cos(correction[2]), np.sin(correction[2])
-        match_landmarks(current.edges, seen, pm.edges, remembered, *moved, limits, buffers)
-        equations = held(correction, goal, motion_weight, turn_weight)
-        equations = _pulled_by_landmarks(equations, seen, expected, buffers.landmarks, *moved)
-        equations, share = _pulled_by_walls(
-            equations, seen, expected, remembered, beam_model, wide, *moved, buffers
+        match_landmarks(
+            pair.current.edges, pair.seen, pm.edges, remembered, *moved, limits, buffers
         )
+        equations = held(correction, goal, motion_weight, turn_weight)
+        equations = _pulled_by_landmarks(equations, pair.seen, expected, buffers.landmarks, *moved)
+        equations, share = _pulled_by_walls(equations, pair, remembered, total, wide, *moved)
         x, y, step = solved(equations)
         correction[0] += x
         correction[1] += y
@@ -226,22 +196,11 @@ def _align(
         if wide == 1.0 and abs(x) + abs(y) < CONVERGED and abs(step) < CONVERGED:
             break
         wide = max(wide * NARROWING, 1.0)
-    return remembered, share
+    return share
 
 
 @kernel()
-def _worth(
-    share: float,
-    start: np.ndarray,
-    correction: np.ndarray,
-    previous: LocatedView,
-    motion: np.ndarray,
-    scale: float,
-    limits: Albot1Limits,
-    odometer: np.ndarray,
-    directions: int,
-    buffers: MatchBuffers,
-) -> float:
+def _worth(share: float, start: np.ndarray, correction: np.ndarray, pair: ViewPair) -> float:
     """How much speaks for the pose to which `start` and its correction lead.
 
     That is the `share` of the view that is explained there, how well the profiles of the two views
@@ -250,9 +209,25 @@ def _worth(
     """
     there, moved = _there(), _moved()
     compose_pose(start, correction, there)
-    relative_pose(previous.pose, there, moved)
-    agreement = agreement_after(previous, moved, directions, buffers)
-    return share + PROFILE_WEIGHT * agreement - motion_cost(moved, motion, scale, odometer, limits)
+    relative_pose(pair.previous.pose, there, moved)
+    cost = motion_cost(moved, pair.motion, pair.turn_scale, pair.odometer, pair.limits)
+    return share + PROFILE_WEIGHT * agreement_after(pair, moved) - cost
+
+
+@kernel()
+def _recognise_landmarks(
+    pm: PerceptualMap, pair: ViewPair, remembered: int, correction: np.ndarray
+) -> int:
+    """Set the slots of the landmarks recognised where the pose and its correction lead."""
+    current, buffers = pair.current, pair.buffers
+    turned = np.cos(correction[2]), np.sin(correction[2])
+    found = match_landmarks(
+        current.edges, pair.seen, pm.edges, remembered, correction, *turned, pair.limits, buffers
+    )
+    for k in range(current.size[0]):
+        row = buffers.landmarks[k, ROW]
+        current.slots[k] = buffers.slots[row] if row >= 0 else NOT_RECOGNIZED
+    return int(found)
 
 
 @kernel()
@@ -318,21 +293,20 @@ def _pulled_by_landmarks(
 @kernel()
 def _pulled_by_walls(
     equations: Equations,
-    seen: np.ndarray,
-    expected: np.ndarray,
+    pair: ViewPair,
     remembered: int,
-    beam_model: BeamModel,
+    total: int,
     wide: float,
     correction: np.ndarray,
     cos: float,
     sin: float,
-    buffers: MatchBuffers,
 ) -> tuple[Equations, float]:
     """Add the equations that lay the points of walls on the nearest wall expected.
 
     Returns the share of the walls' length that lies on one, too.
     """
-    near = buffers.near
+    seen, beam_model, buffers = pair.seen, pair.beam_model, pair.buffers
+    expected, near = buffers.expected[:total], buffers.near
     gap, scale, matched, length = wide * POINT_GAP, wide * POINT_SCALE, 0.0, 0.0
     for k in range(seen.shape[0]):
         length += seen[k, 4]
@@ -347,7 +321,7 @@ def _pulled_by_walls(
         line = (correction[0] + x0, correction[1] + y0), (ux, uy)
         points = 0.5 * step, seen[k, 4] - 0.5 * step
         args = (*line, *points, POINT_COSINE, gap, POINT_END, near)
-        count = list_walls_along(buffers.table, expected.shape[0], *args)
+        count = list_walls_along(buffers.table, total, *args)
         for part in range(parts):
             x, y = x0 + (part + 0.5) * step * ux, y0 + (part + 0.5) * step * uy
             nearest, which, off = gap, -1, 0.0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.perceptual_map.memory import empty_view
+from albot_core.mappers.albot1.perceptual_map.memory import LocatedView, empty_view
 from albot_core.mappers.albot1.perceptual_map.motion_search import (
     BY_TURN,
     CHANGE_COST,
@@ -30,13 +30,14 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     SHIFT_SCALE,
     unknown_odometer,
 )
-from albot_core.mappers.albot1.perceptual_map.range_profile import (
-    TURN_COST,
-    UNSEEN_HERE,
-    fill_profile,
+from albot_core.mappers.albot1.perceptual_map.range_profile import TURN_COST
+from albot_core.mappers.albot1.perceptual_map.submap import (
+    ViewPair,
+    make_match_buffers,
+    pair_views,
 )
-from albot_core.mappers.albot1.perceptual_map.submap import describe_seen, make_match_buffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import _worth
+from albot_core.sensing.beam_model import BeamModel
 from tests.core.mappers.slam.rooms import ROOM as HALL
 from tests.core.mappers.slam.rooms import reading_from
 from tests.core.scenes import ROOM
@@ -51,6 +52,15 @@ def odometer_off_by(shift: float) -> np.ndarray:
     odometer = unknown_odometer()
     odometer[HAS_MOVED], odometer[SHIFT] = 1.0, shift**2
     return odometer
+
+
+def paired(
+    previous: LocatedView, current: LocatedView, motion: np.ndarray, odometer: np.ndarray
+) -> ViewPair:
+    """Two views of ROOM, to be matched."""
+    beams, buffers = BeamModel(0.01, 0.01, False), make_match_buffers(len(ROOM), len(ROOM))
+    pair = pair_views(previous, current, motion, odometer, LIMITS, beams, buffers)
+    return ViewPair(*pair)
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.5])
@@ -115,20 +125,17 @@ finite = st.floats(-0.4, 0.4)
 def test_a_match_is_worth_the_same_from_wherever_it_came_to_its_pose(
     a: tuple[float, float, float], b: tuple[float, float, float]
 ) -> None:
-    view, buffers = empty_view(len(ROOM)), make_match_buffers(len(ROOM), len(ROOM))
+    view, motion = empty_view(len(ROOM)), np.array((0.3, 0.0, 0.1))
     view.surfaces[:], view.size[0] = ROOM, len(ROOM)
-    seen = buffers.seen[: describe_seen(view, buffers)]
-    directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
-    motion, odometer = np.array((0.3, 0.0, 0.1)), odometer_off_by(0.1)
-    rivals = (view, motion, SCALE, LIMITS, odometer, directions, buffers)
+    pair = paired(view, view, motion, odometer_off_by(0.1))._replace(turn_scale=SCALE)
     led_to = np.array((0.2, -0.1, 0.05))
     worths = [
-        _worth(0.7, np.array(start), compose(inverse(np.array(start)), led_to), *rivals)
+        _worth(0.7, np.array(start), compose(inverse(np.array(start)), led_to), pair)
         for start in (a, b)
     ]
     assert worths[0] == pytest.approx(worths[1], abs=1e-2)
     far = np.add(motion, (3.0, 0.0, 2.0))
-    assert _worth(0.7, np.array(a), compose(inverse(np.array(a)), far), *rivals) < worths[0]
+    assert _worth(0.7, np.array(a), compose(inverse(np.array(a)), far), pair) < worths[0]
 
 
 def test_a_robot_without_an_odometer_stands_still_where_the_next_view_is_as_the_last() -> None:
@@ -139,13 +146,10 @@ def test_a_robot_without_an_odometer_stands_still_where_the_next_view_is_as_the_
     odometer, still = unknown_odometer(), np.zeros(3)
 
     def stands(motion: np.ndarray) -> bool:
-        buffers = make_match_buffers(len(ROOM), len(ROOM))
         current = empty_view(len(ROOM))
         current.size[0] = len(ROOM)
         current.surfaces[: len(ROOM)] = transform_segments(inverse(motion), ROOM)
-        seen = buffers.seen[: describe_seen(current, buffers)]
-        directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
-        return bool(most_motions(previous, still, directions, odometer, buffers) == 1)
+        return bool(most_motions(paired(previous, current, still, odometer)) == 1)
 
     assert stands(still)
     assert stands(np.array((0.005, 0.0, 0.002)))
