@@ -17,7 +17,7 @@ from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.ranges import FROM_TWO, NOT_NEGATIVE, POSITIVE, check_fields
 from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.line_fit import fit_line
-from albot_core.sensing.reading import LaserScan
+from albot_core.sensing.reading import LaserGeometry, LaserScan
 from albot_core.sensing.segmentation import scan_points, segment_points, set_gaps
 
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
@@ -95,55 +95,65 @@ class View:
         return np.asarray(long_enough & (self.edges != NO_EDGE).any(axis=1))
 
 
+class ViewSettings(NamedTuple):
+    """A laser, and the parameters of view construction, as compiled code takes them."""
+
+    directions: np.ndarray
+    """(beams, 2) float64: unit vectors of the beams in the robot's frame."""
+    beam_model: BeamModel
+    """What is known of the beams."""
+    mount: tuple[float, float]
+    """Where the laser is in the robot's frame (m)."""
+    max_range: float
+    """Points at or beyond this distance are dropped (m)."""
+    thresholds: np.ndarray
+    """(7,) float64: see `ViewConfig.thresholds`."""
+    fit_lines: bool
+    grazing_ends: bool
+    cut_ends: bool
+    """See `ViewConfig`."""
+
+
+def view_settings(laser: LaserGeometry, config: ViewConfig) -> ViewSettings:
+    """Return what views are constructed with from this laser's scans."""
+    return ViewSettings(
+        directions=laser.directions,
+        beam_model=BeamModel(laser.spacing, laser.beam_width, config.beam_model),
+        mount=(float(laser.mount[0]), float(laser.mount[1])),
+        max_range=float(min(laser.max_range, config.max_range)),
+        thresholds=config.thresholds,
+        fit_lines=config.fit_lines,
+        grazing_ends=config.grazing_ends,
+        cut_ends=config.cut_ends,
+    )
+
+
 def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
     """Construct the view from a laser scan, by the thesis's five steps."""
-    geometry = scan.geometry
+    beams, settings = scan.geometry.beams, view_settings(scan.geometry, config)
     # A span needs two points, and neighbours share at most one: never more spans than beams.
-    surfaces = np.empty((geometry.beams, 4))
-    edges = np.empty((geometry.beams, 2), np.int8)
-    count = extract_surfaces(
-        scan.ranges,
-        geometry.directions,
-        geometry.mount[0],
-        geometry.mount[1],
-        min(config.max_range, geometry.max_range),
-        BeamModel(geometry.spacing, geometry.beam_width, config.beam_model),
-        config.thresholds,
-        config.fit_lines,
-        config.grazing_ends,
-        config.cut_ends,
-        make_view_buffers(geometry.beams),
-        surfaces,
-        edges,
-    )
+    surfaces, edges = np.empty((beams, 4)), np.empty((beams, 2), np.int8)
+    count = extract_surfaces(scan.ranges, settings, make_view_buffers(beams), surfaces, edges)
     return View(surfaces=surfaces[:count].copy(), edges=edges[:count].copy())
 
 
 @kernel()
 def extract_surfaces(
     ranges: np.ndarray,
-    directions: np.ndarray,
-    mount_x: float,
-    mount_y: float,
-    max_range: float,
-    model: BeamModel,
-    thresholds: np.ndarray,
-    fit: bool,
-    grazing: bool,
-    cut_ends: bool,
+    settings: ViewSettings,
     buffers: ViewBuffers,
     surfaces: np.ndarray,
     edges: np.ndarray,
 ) -> int:
     """Run all steps of view construction (thesis, section 3.1.3); return the number of surfaces.
 
-    `thresholds` are those of `ViewConfig.thresholds` (m, count, rad, F). `surfaces` and `edges` are
-    written in the robot's frame (m), in the order of the beams.
+    `surfaces` and `edges` are written in the robot's frame (m), in the order of the beams.
     """
-    gap, size, height, shortest, fewest, incidence, bend = thresholds
-    eye = mount_x, mount_y
+    gap, size, height, shortest, fewest, incidence, bend = settings.thresholds
+    eye, max_range, directions = settings.mount, settings.max_range, settings.directions
     points, beams, gaps, stack, spans, weights, lines, raw, kept = buffers
-    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, model, points, beams)
+    model, fit = settings.beam_model, settings.fit_lines
+    seen = scan_points(ranges, directions, *eye, max_range, model, points, beams)
     set_gaps(ranges, directions, beams[:seen], gap, incidence, gaps)
     formed = segment_points(points, seen, gaps, size, height, bend, stack, spans)
     form_surfaces(points, spans, formed, fit, height, eye, model, weights, lines, raw)
@@ -159,11 +169,10 @@ def extract_surfaces(
                 surfaces[count, i] = raw[k, i]
             kept[count] = k
             count += 1
-    mark_edges(surfaces, spans[:formed], kept, count, mount_x, mount_y, edges)
-    if cut_ends:
-        args = (ranges, directions, mount_x, mount_y, max_range)
-        unmark_cut_ends(surfaces, spans, kept, count, beams, *args, edges)
-    if not grazing:
+    mark_edges(surfaces, spans[:formed], kept, count, *eye, edges)
+    if settings.cut_ends:
+        unmark_cut_ends(ranges, settings, surfaces, spans, kept, count, beams, edges)
+    if not settings.grazing_ends:
         unmark_grazing_ends(points, surfaces, spans[:formed], kept, count, height, edges)
     return int(count)
 
@@ -304,16 +313,13 @@ def mark_edges(
 
 @kernel()
 def unmark_cut_ends(
+    ranges: np.ndarray,
+    settings: ViewSettings,
     surfaces: np.ndarray,
     spans: np.ndarray,
     kept: np.ndarray,
     count: int,
     beams: np.ndarray,
-    ranges: np.ndarray,
-    directions: np.ndarray,
-    mount_x: float,
-    mount_y: float,
-    max_range: float,
     edges: np.ndarray,
 ) -> None:
     """Take back the occluding points where a wall only leaves the laser's range.
@@ -321,6 +327,8 @@ def unmark_cut_ends(
     This is ours. A beam without return beside an end tells of no surface up to the range; where it
     would meet the same wall beyond the range, the wall may go on there.
     """
+    directions, max_range = settings.directions, settings.max_range
+    mount_x, mount_y = settings.mount
     for k in range(count):
         ux, uy = surfaces[k, 2] - surfaces[k, 0], surfaces[k, 3] - surfaces[k, 1]
         for end in range(2):

@@ -25,7 +25,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import unknown_odometer
-from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS, ViewSettings
+from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS
 from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
@@ -42,8 +42,8 @@ from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
-from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.reading import LaserGeometry, Readings
+from albot_core.sensing.view import view_settings
 
 AFRESH = 0.2
 """The way home is found anew after so much way (m)."""
@@ -364,18 +364,4 @@ class Albot1Batch:
 
     def _arguments(self, laser: LaserGeometry) -> tuple[Any, ...]:
         """What `step_robots` takes."""
-        return self._robots, self._view_settings(laser), self._limits
-
-    def _view_settings(self, laser: LaserGeometry) -> ViewSettings:
-        """What views are constructed with from this laser's scans."""
-        view = self.config.view
-        return ViewSettings(
-            directions=laser.directions,
-            beam_model=BeamModel(laser.spacing, laser.beam_width, view.beam_model),
-            mount=(float(laser.mount[0]), float(laser.mount[1])),
-            max_range=float(min(laser.max_range, view.max_range)),
-            thresholds=view.thresholds,
-            fit_lines=view.fit_lines,
-            grazing_ends=view.grazing_ends,
-            cut_ends=view.cut_ends,
-        )
+        return self._robots, view_settings(laser, self.config.view), self._limits

@@ -39,7 +39,6 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, make_match_buffers
 from albot_core.mappers.albot1.perceptual_map.viewing import (
-    ViewSettings,
     is_view_due,
     note_sectors,
     take_view,
@@ -49,7 +48,7 @@ from albot_core.mappers.albot1.places.visits import keep_or_drop_candidate
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
 from albot_core.mappers.albot1.trail.crumb_kernels import drop_crumb, has_room
 from albot_core.matching.lines import wrap
-from albot_core.sensing.view import ViewBuffers, make_view_buffers
+from albot_core.sensing.view import ViewBuffers, ViewSettings, make_view_buffers
 
 CROSSED, REVISITING, KIDNAPPED, BREADCRUMB = 1, 2, 4, 8
 """In `BatchArrays.events`: the robot got through an exit; an earlier visit is a loop-closure

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int64
@@ -18,6 +19,12 @@ from albot_core.errors import InputError
 from albot_core.geometry.pose_kernels import compose, length_of, rotate_back, wrap_angle
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
+from albot_core.kernels.arguments import (
+    ArgumentsCache,
+    KernelArguments,
+    KernelDispatcher,
+    unpack,
+)
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
@@ -25,8 +32,15 @@ from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths,
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, check_fields
-from albot_core.sensing.reading import LaserScan, Readings
-from albot_core.sensing.view import ViewConfig, construct_view
+from albot_core.sensing.reading import LaserGeometry, Readings
+from albot_core.sensing.view import (
+    ViewBuffers,
+    ViewConfig,
+    ViewSettings,
+    extract_surfaces,
+    make_view_buffers,
+    view_settings,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +105,17 @@ class OdometryBatch:
         self._is_due = np.zeros(count, np.bool_)
         self._stores: list[Segments] = [np.empty((0, 4))] * count
         self._ends = np.zeros(count, np.int64)
+        travels = Travels(
+            poses=self.poses,
+            laid_at=self._laid_at,
+            ways_home=self.ways_home,
+            updates=self.updates,
+            is_due=self._is_due,
+            step=self.config.step,
+            turn=self.config.turn,
+        )
+        self._travels = KernelArguments((travels,))
+        self._settings = ArgumentsCache(self._arguments)
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
@@ -118,15 +143,17 @@ class OdometryBatch:
         if readings.ranges is None or readings.laser is None:
             raise InputError("Readings.laser", f"a laser, which {self.spec.name} needs", "none")
         motions = np.ascontiguousarray(readings.motions, np.float64)
-        travels, limits = self.ways_home[:, TRAVEL], (self.config.step, self.config.turn)
-        poses = self.poses, self._laid_at
-        integrate(rows, motions, *poses, travels, self.updates, *limits, self._is_due)
-        for row in rows[self._is_due[rows]].tolist():
-            scan = LaserScan(ranges=readings.ranges[row], geometry=readings.laser)
-            view = construct_view(scan, self.config.view)
-            self._remember(row, transform_segments(self.poses[row], view.surfaces))
-            self._laid_at[row] = self.poses[row]
-            self.updates[row] += 1
+        if integrate(rows, self._travels, motions) == 0:
+            return
+        due = rows[self._is_due[rows]]
+        ranges = np.ascontiguousarray(readings.ranges, np.float64)
+        surfaces = np.empty((len(due), readings.laser.beams, 4))
+        counts = np.empty(len(due), np.int64)
+        extract_views(due, self._settings.arguments(readings.laser), ranges, surfaces, counts)
+        for row, seen, count in zip(due.tolist(), surfaces, counts.tolist(), strict=True):
+            self._remember(row, transform_segments(self.poses[row], seen[:count]))
+        self._laid_at[due] = self.poses[due]
+        self.updates[due] += 1
 
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Do nothing: no reading matches an earlier one."""
@@ -176,6 +203,10 @@ class OdometryBatch:
         self._stores[row] = state["surfaces"].copy()
         self._ends[row] = len(self._stores[row])
 
+    def _arguments(self, laser: LaserGeometry) -> tuple[ViewSettings]:
+        """Return what `extract_views` takes."""
+        return (view_settings(laser, self.config.view),)
+
     def _remember(self, row: int, surfaces: Segments) -> None:
         """Append surfaces; if there is no room, move the kept ones to a larger store.
 
@@ -192,32 +223,83 @@ class OdometryBatch:
         self._ends[row] = end + len(surfaces)
 
 
-@kernel(nogil=True)
-def integrate(
+@KernelDispatcher
+@kernel(arrays=True, nogil=True)
+def extract_views(
     rows: np.ndarray,
-    motions: np.ndarray,
-    poses: np.ndarray,
-    laid_at: np.ndarray,
-    travels: np.ndarray,
-    updates: np.ndarray,
-    step: float,
-    turn: float,
-    is_due: np.ndarray,
+    arguments: KernelArguments,
+    ranges: np.ndarray,
+    surfaces: np.ndarray,
+    counts: np.ndarray,
 ) -> None:
-    """Add the motions of some robots to their poses and travels.
+    """Extract the surfaces that the robots `rows` see, in each one's frame (m).
 
-    Sets `is_due` where a view is to be added: at the first reading, whose motion does not count,
-    and from so far (m), or so large a turn (rad), from where the last one was added.
+    `arguments` holds `ViewSettings`; `ranges` (n, beams) are those of all robots. Robot `rows[k]`
+    sees the first `counts[k]` of `surfaces[k]`.
     """
+    beams = ranges.shape[1]
+    buffers, edges = make_view_buffers(beams), np.empty((beams, 2), np.int8)
+    _extract_all(rows, arguments, ranges, buffers, surfaces, edges, counts)
+
+
+@kernel()
+def _extract_all(
+    rows: np.ndarray,
+    arguments: KernelArguments,
+    ranges: np.ndarray,
+    buffers: ViewBuffers,
+    surfaces: np.ndarray,
+    edges: np.ndarray,
+    counts: np.ndarray,
+) -> None:
+    """`extract_views`, with buffers to work in."""
+    (settings,) = unpack(arguments)
+    for k in range(rows.shape[0]):
+        counts[k] = extract_surfaces(ranges[rows[k]], settings, buffers, surfaces[k], edges)
+
+
+class Travels(NamedTuple):
+    """The arrays of all robots, a row each, and when views are added."""
+
+    poses: np.ndarray
+    """(n, 3) float64: where each is by odometry (m, rad)."""
+    laid_at: np.ndarray
+    """(n, 3) float64: where each added its last view (m, rad)."""
+    ways_home: np.ndarray
+    """(n, 7) float64: in column TRAVEL how far each has travelled (m)."""
+    updates: np.ndarray
+    """(n,) int64: how many views each has added."""
+    is_due: np.ndarray
+    """(n,) bool: whether the latest view of each is to be added."""
+    step: float
+    """Distance (m) from the last added view…"""
+    turn: float
+    """…or turn since (rad), at which the next is."""
+
+
+@KernelDispatcher
+@kernel(nogil=True)
+def integrate(rows: np.ndarray, arguments: KernelArguments, motions: np.ndarray) -> int:
+    """Add the motions of some robots to their poses and travels; return how many views are due.
+
+    One is at the first reading, whose motion does not count. `arguments` holds `Travels`;
+    `motions` (n, 3) are those of all robots.
+    """
+    (robots,) = unpack(arguments)
+    due = 0
     for i in rows:
-        is_due[i] = updates[i] == 0
-        if is_due[i]:
+        is_first = robots.updates[i] == 0
+        robots.is_due[i] = is_first
+        due += is_first
+        if is_first:
             continue
-        pose, laid, motion = poses[i], laid_at[i], motions[i]
+        pose, laid, motion = robots.poses[i], robots.laid_at[i], motions[i]
         pose[0], pose[1], pose[2] = compose(pose, motion)
-        travels[i] += length_of(motion[0], motion[1])
+        robots.ways_home[i, TRAVEL] += length_of(motion[0], motion[1])
         x, y = rotate_back(
             math.cos(laid[2]), math.sin(laid[2]), pose[0] - laid[0], pose[1] - laid[1]
         )
         turned = abs(wrap_angle(pose[2] - laid[2]))
-        is_due[i] = length_of(x, y) >= step or turned >= turn
+        robots.is_due[i] = length_of(x, y) >= robots.step or turned >= robots.turn
+        due += robots.is_due[i]
+    return due
