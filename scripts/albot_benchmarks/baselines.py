@@ -1,25 +1,14 @@
-"""Baselines for the environments: a Python loop over pymunk, and ir-sim's laser.
-
-ir-sim needs the extra `bench`.
-"""
+"""The environments' baseline: a Python loop over pymunk."""
 
 from __future__ import annotations
 
-import contextlib
-import importlib
-import importlib.util
-import io
 import math
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pymunk
-import yaml
-from jaxtyping import Float32, Float64
+from jaxtyping import Float32
 
+from albot_core.geometry.types import Pose
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.physics import PHYSICS_STEP
 from albot_env.sim.simulator import SUBSTEPS
@@ -61,6 +50,11 @@ class PymunkLoopEnv:
         x, y, heading = world.starts[0].tolist()
         self._body.position, self._body.angle = (x, y), heading
 
+    @property
+    def pose(self) -> Pose:
+        """Pose of the robot (world frame)."""
+        return np.array((*self._body.position, self._body.angle))
+
     def step(self, action: Float32[np.ndarray, "2"]) -> Float32[np.ndarray, "beams"]:
         """Drive for 0.1 s at shares of 1 m/s and 2 rad/s, and return the scan (m)."""
         speed, turn_rate = action.tolist()
@@ -84,59 +78,3 @@ class PymunkLoopEnv:
             ranges.append(reach * hit.alpha if hit else reach)
         noise = self._rng.normal(0.0, _NOISE, len(ranges))
         return (np.array(ranges) + noise).astype(np.float32)
-
-
-Scan = Callable[[], Float64[np.ndarray, "beams"]]
-"""Takes a scan (m)."""
-
-
-def irsim_found() -> bool:
-    """Return whether ir-sim is installed."""
-    return importlib.util.find_spec("irsim") is not None
-
-
-def irsim_laser(world: World, geometry: LaserGeometry) -> Scan:
-    """Return ir-sim's 2D laser at the world's first start, with the same noise as ours.
-
-    Only the laser is timed, because a step of ir-sim also checks every wall for collisions.
-    """
-    # ir-sim prints on stdout which windows it cannot open.
-    with contextlib.redirect_stdout(io.StringIO()), tempfile.TemporaryDirectory() as folder:
-        irsim = importlib.import_module("irsim")
-        path = Path(folder) / "world.yaml"
-        path.write_text(yaml.safe_dump(_scene(world, geometry)), encoding="utf-8")
-        env = irsim.make(str(path), headless=True, log_level="ERROR")
-        env.step([0.0, 0.0])
-    robot = env.robot
-    laser = robot.sensors[0]
-
-    def scan() -> Float64[np.ndarray, "beams"]:
-        laser.step(robot.state)
-        return np.array(laser.range_data)
-
-    return scan
-
-
-def _scene(world: World, geometry: LaserGeometry) -> dict[str, Any]:
-    """Return the world as data for ir-sim's YAML; every wall is an obstacle."""
-    x_min, y_min, x_max, y_max = world.bounds
-    laser = {
-        "name": "lidar2d",
-        "range_max": geometry.max_range,
-        "angle_range": geometry.spacing * (geometry.beams - 1),
-        "number": geometry.beams,
-        "noise": True,
-        "std": 0.01,
-    }
-    robot = {
-        "kinematics": {"name": "diff"},
-        "shape": {"name": "circle", "radius": ROBOT_RADIUS},
-        "state": world.starts[0].tolist(),
-        "sensors": [laser],
-    }
-    walls = [
-        {"shape": {"name": "linestring", "vertices": [[x1, y1], [x2, y2]]}, "state": [0, 0, 0]}
-        for x1, y1, x2, y2 in world.walls.tolist()
-    ]
-    size = {"width": x_max - x_min, "height": y_max - y_min, "offset": [x_min, y_min]}
-    return {"world": size, "robot": [robot], "obstacle": walls}

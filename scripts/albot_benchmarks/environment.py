@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from albot_benchmarks.baselines import PymunkLoopEnv, irsim_found, irsim_laser
+from albot_benchmarks.baselines import PymunkLoopEnv
 from albot_benchmarks.timing import Rate, Workload, best_rates, rate_of
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.thread_pool import ThreadPool
@@ -44,7 +44,7 @@ class Case:
     """An environment to be timed."""
 
     mapper: str | None
-    """Name of the mapper, or `none`; None for baselines, which cannot have one."""
+    """Name of the mapper, or `none`; None for the baseline, which cannot have one."""
     num_envs: int = 1
     """Number of environments stepped together; 1 means a single one from `gymnasium.make`."""
     steps: int = 2000
@@ -95,8 +95,8 @@ def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row
     sensor readings. A turn takes a few tenths of a second, so that other load on the machine is
     likely to spare one of them.
 
-    The baselines run in the same rounds: the same robot and laser as a Python loop over pymunk's
-    queries, and ir-sim's laser alone if it is installed.
+    The baseline runs in the same rounds: the same robot and laser as a Python loop over pymunk's
+    queries.
 
     Returns:
         One row per case: `id`, `mode` (single or vector), `num_envs`, `threads`, `mapper` (None
@@ -109,14 +109,15 @@ def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row
     """
     world = load_world(WORLD)
     workloads, memory = _workloads(cases, world)
-    baselines = _baselines(world)
-    rates = best_rates({**workloads, **baselines}, rounds)
+    naive = PymunkLoopEnv(world, LaserGeometry())
+    workloads[_PYMUNK] = _workload(naive.step, _actions(2), 1, 100)
+    rates = best_rates(workloads, rounds)
     rows = [
         _row(ENVIRONMENT, case, rates[case.name])
         | ({"memory_mib": memory[case.name]} if case.name in memory else {})
         for case in cases
     ]
-    rows += [_row(name, Case(mapper=None), rates[name]) for name in baselines]
+    rows.append(_row(_PYMUNK, Case(mapper=None), rates[_PYMUNK]))
     for row in rows:
         row["segments"] = len(world.walls)
         row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_PYMUNK].cpu
@@ -137,17 +138,7 @@ def _workloads(cases: Sequence[Case], world: World) -> tuple[dict[str, Workload]
     return workloads, memory
 
 
-_PYMUNK, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
-
-
-def _baselines(world: World) -> dict[str, Workload]:
-    """Return the baselines' workloads by name."""
-    naive = PymunkLoopEnv(world, LaserGeometry())
-    baselines = {_PYMUNK: _workload(naive.step, _actions(2), 1, 100)}
-    if irsim_found():
-        scan = irsim_laser(world, LaserGeometry())
-        baselines[_IRSIM] = _workload(lambda _: scan(), _actions(2), 1, 30)
-    return baselines
+_PYMUNK = "pymunk in a Python loop"
 
 
 def make_workload(case: Case, world: World) -> Workload:

@@ -7,6 +7,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from importlib.metadata import version
 from pathlib import Path
 
@@ -48,10 +49,16 @@ def best_rates(workloads: Mapping[str, Workload], rounds: int) -> dict[str, Rate
     """
     for workload in workloads.values():
         workload()
-    rates = dict.fromkeys(workloads, Rate())
+    rates = rates_in_turns(workloads, rounds)
+    return {name: reduce(Rate.better, each) for name, each in rates.items()}
+
+
+def rates_in_turns(workloads: Mapping[str, Workload], rounds: int) -> dict[str, list[Rate]]:
+    """Return each workload's rate in each of several rounds, in which each has one turn."""
+    rates: dict[str, list[Rate]] = {name: [] for name in workloads}
     for _ in range(rounds):
         for name, workload in workloads.items():
-            rates[name] = rates[name].better(rate_of(workload))
+            rates[name].append(rate_of(workload))
     return rates
 
 

@@ -12,6 +12,7 @@ import click
 from albot_cli.long_run_page import write_long_run
 from albot_cli.outputs import FORCE, check_file, check_suffix
 from albot_cli.path_type import PathType
+from albot_cli.peers_page import told, write_peers
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
@@ -31,7 +32,10 @@ PARTS = (
     "startup",
     "ratslam",
     "slam",
+    "peers",
 )
+PAGES = {"journey": write_long_run, "peers": write_peers}
+"""The parts that have a page, and what writes it."""
 
 
 @click.command()
@@ -44,7 +48,7 @@ PARTS = (
 @click.option(
     "--out",
     type=PathType(),
-    help="Page for the journey, in Markdown; its picture is written beside it.",
+    help="Page for the journey or the peers, in Markdown; a picture is written beside it.",
 )
 @click.option(
     "--rounds",
@@ -62,7 +66,7 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Measure speed: laser, mappers, environments, a learner, random worlds and start-up.
+    """Measure speed: laser, mappers, environments, a learner, random worlds, other simulators.
 
     The part `views` compares distances between the views that `albot1` takes in. The part `journey`
     leads a mapper 10 km through a building, to see whether it slows down.
@@ -75,9 +79,11 @@ def command(
     if log is not None and parts and not {"mapper", "slam"} & set(parts):
         expected = "--part mapper or slam, whose mappers map it"
         raise InputError("--log", expected, ", ".join(parts))
+    paged = [part for part in PAGES if part in parts]
     if out is not None:
-        if parts and "journey" not in parts:
-            raise InputError("--out", "--part journey, which writes the page", ", ".join(parts))
+        if len(paged) != 1:
+            found = ", ".join(parts) or "all parts"
+            raise InputError("--out", "--part journey or --part peers, whose page it is", found)
         check_suffix(out, ".md", option="--out")
         check_file(out, force=force)
         check_file(out.with_suffix(".png"), force=force)
@@ -87,13 +93,13 @@ def command(
     chosen = parts or PARTS
     # All keys are present even if not measured, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
-    figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}}
+    figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}, "peers": []}
     with progress("bench", len(chosen), "parts") as update:
         for done, part in enumerate(chosen, start=1):
             figures[part] = measures[part]()
             update(done)
-    if out is not None and figures["journey"]:
-        write_long_run(out, figures["journey"], figures["machine"])
+    if out is not None:
+        PAGES[paged[0]](out, figures[paged[0]], figures["machine"])
     click.echo(json.dumps(figures) if as_json else as_text(figures))
 
 
@@ -106,6 +112,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.learner import measure_learner
     from albot_benchmarks.long_run import measure_long_run
     from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
+    from albot_benchmarks.peers import measure_peers
     from albot_benchmarks.ratslam import measure_ratslam
     from albot_benchmarks.slam import measure_slam
     from albot_benchmarks.startup import measure_startup
@@ -129,6 +136,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
         "startup": measure_startup,
         "ratslam": measure_ratslam,
         "slam": lambda: measure_slam(readings),
+        "peers": measure_peers,
     }
 
 
@@ -159,6 +167,7 @@ def as_text(figures: Figures) -> str:
     lines += map(_generator, figures["generator"])
     lines += map(_ratslam, figures.get("ratslam", ()))
     lines += map(_slam, figures.get("slam", ()))
+    lines += map(_peer, figures.get("peers", ()))
     lines += map(_startup, filter(None, [figures.get("startup")]))
     return "\n".join(lines)
 
@@ -272,6 +281,16 @@ def _ratslam(row: Figures) -> str:
     return (
         f"floor       {row['readings_per_second']:7,.0f} readings/s  {row['name']}: {size}; "
         f"{row['us_early']:.0f} µs a reading early, {row['us_late']:.0f} late"
+    )
+
+
+def _peer(row: Figures) -> str:
+    if "missing" in row:
+        return f"peer        {row['missing']}: {row['name']}"
+    return (
+        f"peer        {row['robots']:7,d} at once   {row['steps_per_cpu_second']:8,.0f} steps/s of "
+        f"a core, ours {row['ratio']:.1f} times as many: {row['name']}, {row['beams']} beams in "
+        f"{row['world']}; ranges {told([row])}"
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from albot_benchmarks import environment
-from albot_benchmarks.baselines import PymunkLoopEnv, irsim_found, irsim_laser
+from albot_benchmarks.baselines import PymunkLoopEnv
 from albot_benchmarks.environment import SENSORS, Case, make_workload, measure_environments
 from albot_benchmarks.timing import best_rates
 from albot_core.sensing.reading import LaserGeometry
@@ -37,7 +37,7 @@ def test_a_row_for_every_case_and_every_rival(monkeypatch: pytest.MonkeyPatch) -
     ]  # fmt: skip
     names = [row["id"] for row in rows]
     assert names[5] == "pymunk in a Python loop"
-    assert len(names) == 6 + irsim_found()
+    assert len(names) == 6
     naive = float(rows[5]["steps_per_cpu_second"] or 0)
     for row in rows:
         assert row["segments"] == len(load_world("random:maze:1").walls)
@@ -95,12 +95,3 @@ def test_the_naive_robot_drives_and_walls_stop_it() -> None:
     for _ in range(int(10 * ahead) + 20):
         last = env.step(np.array((1, 0), np.float32))
     assert 0.15 < last[90] < 0.35
-
-
-@pytest.mark.skipif(not irsim_found(), reason="ir-sim is not installed (extra bench)")
-@pytest.mark.filterwarnings("ignore")
-def test_ir_sims_laser_sees_the_same_scene(capsys: pytest.CaptureFixture[str]) -> None:
-    world, geometry = load_world("random:maze:1"), LaserGeometry()
-    expected = ray_ranges(world.walls, world.starts[0], geometry.bearings)
-    assert np.abs(irsim_laser(world, geometry)() - np.minimum(expected, 30)).max() < 0.06
-    assert capsys.readouterr().out == ""

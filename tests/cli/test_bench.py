@@ -70,7 +70,6 @@ def test_the_text_has_a_line_a_row() -> None:
     assert all("µs/scan" in line for line in lines[1:])
 
 
-@pytest.mark.filterwarnings("ignore")  # ir-sim's own
 def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     words = [word for part in ("env", "processes", "learner") for word in ("--part", part)]
     figures: Any = bench(*words, "--rounds", "1")
@@ -205,7 +204,7 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     [
         (["--part", "lazer"], "one of laser"),
         (["--log", "missing.log"], "file not found"),
-        (["--part", "startup", "--out", "page.md"], "--part journey, which writes the page"),
+        (["--part", "startup", "--out", "page.md"], "--part journey or --part peers"),
         (["--part", "journey", "--out", "j.txt"], "a name that ends in .md, found j.txt"),
         (["--part", "startup", "--log", "a.log"], "--part mapper or slam, whose mappers map it"),
         (["--part", "startup", "--rounds", "2"], "--part env, which is measured in rounds"),
