@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from albot_cli.group import LazyGroup
 from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -33,9 +34,27 @@ ALL = "all"
 """The ID that means all experiments."""
 
 
+STUDIES = {
+    "comparison": "Set all mappers side by side on logs and in worlds: docs/comparison.md.",
+    "disturbed-logs": "Map logs under every disturbance: docs/robustness.md.",
+    "false-closures": "Add false loop closures to graph SLAM's map of a log.",
+    "kidnapped-robots": "Count the kidnapped robots that notice it.",
+    "lost-evidence": "Fit the weights of hypotheses of where a kidnapped robot is.",
+    "odometer-resets": "Put resets of the odometer into logs, and map them.",
+    "place-evidence": "Fit the weights of the evidence that two places are one.",
+    "room-confusions": "Count the random worlds in which a room is taken for another.",
+    "slam-growth": "Measure metric SLAM's time and memory, lap by lap.",
+}
+
+
 @click.group()
 def command() -> None:
     """Repeat the papers' experiments and compare our figures with theirs."""
+
+
+@command.group(cls=LazyGroup, package="albot_studies", summaries=STUDIES)
+def study() -> None:
+    """Measure again what the pages in docs/ tell of the mappers."""
 
 
 @command.command("list")

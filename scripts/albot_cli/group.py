@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -35,7 +35,17 @@ SUBCOMMANDS = {
 
 
 class LazyGroup(click.Group):
-    """A group that imports subcommands only when they are called, to start fast."""
+    """A group that imports subcommands only when they are called, to start fast.
+
+    Args:
+        package: The package whose modules have the subcommands, each as its `command`.
+        summaries: What each subcommand does, by name.
+        arguments: See `click.Group`.
+    """
+
+    def __init__(self, *, package: str, summaries: Mapping[str, str], **arguments: Any) -> None:
+        super().__init__(**arguments)
+        self._package, self._summaries = package, summaries
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         """Parse the arguments, or print help."""
@@ -57,29 +67,34 @@ class LazyGroup(click.Group):
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            near = did_you_mean(args[0], SUBCOMMANDS)
+            near = did_you_mean(args[0], self._summaries)
             raise click.UsageError(f"{error.format_message()}{near}", ctx) from None
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all subcommands."""
-        return sorted(SUBCOMMANDS)
+        return sorted(self._summaries)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Import `albot_cli.NAME`, with - replaced by _, and return its `command`."""
-        if name not in SUBCOMMANDS:
+        """Import the module NAME, with - replaced by _, and return its `command`."""
+        if name not in self._summaries:
             return None
         with _default_handlers():
-            module = importlib.import_module(f"albot_cli.{name.replace('-', '_')}")
+            module = importlib.import_module(f"{self._package}.{name.replace('-', '_')}")
         command: click.Command = module.command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the subcommands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl(sorted(SUBCOMMANDS.items()))
+            formatter.write_dl(sorted(self._summaries.items()))
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup,
+    package="albot_cli",
+    summaries=SUBCOMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="albot-env")
 def albot() -> None:
     """A robot explores, builds an imprecise map, recognises places and finds its way home."""

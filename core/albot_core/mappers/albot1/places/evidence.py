@@ -10,7 +10,8 @@ would be one more chance to take it for another.
 
 The weights are those of a logistic regression. The misfit counts as in Student's t distribution:
 mostly the map is where it is expected, but where it was aligned wrongly it is far off.
-docs/places.md says what they were fitted to; `scripts/place_evidence.py` fits them again.
+docs/places.md says what they were fitted to; `albot experiment study place-evidence` fits them
+again.
 """
 
 from __future__ import annotations

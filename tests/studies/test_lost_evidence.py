@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from lost_evidence import Examples, fit, gather, probabilities
+from albot_studies.lost_evidence import Examples, fit, gather, probabilities
 
 
 def test_the_weights_of_made_up_examples_are_found():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from place_evidence import Examples, fit, gather
+from albot_studies.place_evidence import Examples, fit, gather
 
 
 def test_the_weights_of_made_up_examples_are_found():

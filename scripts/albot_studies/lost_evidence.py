@@ -1,8 +1,6 @@
 """Fit the weights by which Albot1 judges where a robot may be that was carried away.
 
-    python scripts/lost_evidence.py [--worlds SPEC] [--seeds A..B] [--repeats N]
-
-Robots are carried away as in `kidnapped_robots.py`, N times in each world, and never believe to
+Robots are carried away as in `kidnapped-robots`, N times in each world, and never believe to
 know where they are. Every comparison with what they know is an example: its hypotheses, and which
 of them are right. None is right where the robot is on unknown ground. The weights are those under
 which what is right is most probable. Comparisons of one robot are alike: together they weigh 1. The
@@ -19,7 +17,6 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import minimize
 
 from albot_agents.evaluation.plan import parse_seeds
-from albot_cli.main import exit_status
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.geometry.types import Pose
@@ -29,7 +26,7 @@ from albot_core.mappers.albot1.places.hypothesis import Hypothesis
 from albot_core.mappers.albot1.places.relocalisation import MOST
 from albot_env.sim.simulator import Simulator
 from albot_maps import World, load_world
-from kidnapped_robots import AFTER, BEFORE, SOON, moved_after
+from albot_studies.kidnapped_robots import AFTER, BEFORE, SOON, moved_after
 
 WORLDS = (
     "random:office:SEED?rooms=8",
@@ -106,6 +103,7 @@ def _compared(world: World, seed: int, repeat: int) -> list[tuple[np.ndarray, np
 
 def _is_right(one: Hypothesis, mapper: Albot1, true: Pose) -> bool:
     network = mapper.network
+    assert network.home is not None
     home = compose(one.map_to_graph, network.place(network.home).frame)
     believed = relative(home, mapper.estimate.pose)
     away = float(np.hypot(*(believed - true)[:2]))
@@ -142,7 +140,7 @@ def fit(examples: Examples) -> Float64[np.ndarray, "5"]:
 @click.option("--worlds", multiple=True, default=WORLDS, help="The worlds; SEED stands for each.")
 @click.option("--seeds", default="7000..7014", show_default=True)
 @click.option("--repeats", default=4, show_default=True, type=click.IntRange(1))
-def main(worlds: tuple[str, ...], seeds: str, repeats: int) -> None:
+def command(worlds: tuple[str, ...], seeds: str, repeats: int) -> None:
     """Print the weights, and how often the likeliest hypothesis is right."""
     examples = gather(worlds, parse_seeds(seeds), repeats)
     weights = fit(examples)
@@ -154,7 +152,3 @@ def main(worlds: tuple[str, ...], seeds: str, repeats: int) -> None:
         probable = found[likeliest] >= bar
         right = int((probable & examples.right[likeliest]).sum())
         click.echo(f"at {bar}: {right} of {probable.sum()} comparisons right")
-
-
-if __name__ == "__main__":
-    exit_status(main)

@@ -1,7 +1,5 @@
 """What a mapper makes of logs that were disturbed: its error over many runs, as a table.
 
-    python scripts/disturbed_logs.py FOLDER [--log NAME] [--mapper NAME] [--runs N] [--out FOLDER]
-
 Maps every log of the data folder as recorded, and then, in each of `--runs` runs, under each of
 the disturbances of `albot_core.logs.disturbed`. An error is the ATE against the log's reference; a
 log that has none is measured against the path that `graph-slam` corrects on the log as recorded.
@@ -17,7 +15,6 @@ from typing import Any
 import click
 import numpy as np
 
-from albot_cli.main import exit_status
 from albot_cli.map_report import run_mapper
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
@@ -145,7 +142,7 @@ def page(measured: dict[str, Any], command: str) -> str:
 @click.option("--mapper", default="albot1", show_default=True)
 @click.option("--runs", default=20, show_default=True)
 @click.option("--out", type=PathType(), help="Where both files go.")
-def main(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: Path | None) -> None:
+def command(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: Path | None) -> None:
     """Map the logs in FOLDER under every disturbance, many times."""
     if runs < 1:
         raise InputError("--runs", "a whole number from 1", str(runs))
@@ -161,10 +158,9 @@ def main(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: Path
         measured["logs"][name] = {"ate_m": error, "rows": rows}
     click.echo(table(measured), nl=False)
     if out is not None:
-        command = f"python scripts/disturbed_logs.py LOGS --mapper {mapper} --runs {runs} --out OUT"
+        options = f"--mapper {mapper} --runs {runs} --out OUT"
         write_text(out / "robustness.json", json.dumps(measured, indent=1) + "\n")
-        write_text(out / "robustness.md", page(measured, command))
-
-
-if __name__ == "__main__":
-    exit_status(main)
+        write_text(
+            out / "robustness.md",
+            page(measured, f"albot experiment study disturbed-logs LOGS {options}"),
+        )

@@ -17,8 +17,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any, TypeGuard
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FOLDERS = ("core", "maps", ".", "agents", "scripts")
 """What the packages below stand in."""
 PACKAGES = (
@@ -105,7 +106,7 @@ def draw_faults(seed: int, share: float) -> list[Fault]:
     folders = defaultdict(list)
     for path in modules():
         folders[Path(path).parent].append(path)
-    faults = []
+    faults: list[Fault] = []
     for paths in folders.values():
         paths.sort(key=lambda path: _digest(seed, path))
         found = (fault for path in paths if (fault := _draw_fault(seed, path)) is not None)
@@ -235,7 +236,7 @@ class _Changes:
     def _operator(
         self,
         kind: str,
-        table: Mapping[type, tuple[str, str]],
+        table: Mapping[Any, tuple[str, str]],
         left: ast.expr,
         op: ast.AST,
         right: ast.expr,
@@ -243,8 +244,10 @@ class _Changes:
         if type(op) not in table:
             return
         old, new = table[type(op)]
-        between = self._lines[left.end_lineno - 1][left.end_col_offset : right.col_offset]
-        start = left.end_col_offset + between.find(old.encode())
+        assert left.end_lineno is not None  # `ast.parse` gives all positions.
+        after = _end(left)
+        between = self._lines[left.end_lineno - 1][after : right.col_offset]
+        start = after + between.find(old.encode())
         yield _Change(kind, left.end_lineno, start, start + len(old), new)
 
     def _instead(self, kind: str, node: ast.expr | ast.stmt, text: str) -> _Change:
@@ -292,7 +295,7 @@ def _is_text(node: ast.expr) -> bool:
     )
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[int | float]:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return value == 0 or _TINY < abs(value) < _HUGE

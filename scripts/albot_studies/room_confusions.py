@@ -1,8 +1,5 @@
 """How often Albot1 takes a room for another, over many random worlds.
 
-    python scripts/room_confusions.py [--kind office] [--seeds A..B] [--path METRES]
-        [--mapper NAME] [--json FILE]
-
 In each world, `random:KIND:SEED`, the robot is guided from room to room. Two kinds of mistakes are
 looked for, and the truth is `albot_maps.same_place`:
 
@@ -18,6 +15,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -25,7 +23,6 @@ from jaxtyping import Bool, Int64
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import patrol
-from albot_cli.main import exit_status
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
@@ -188,7 +185,7 @@ def drive_all(
         yield seed, driven, same_places(world, driven.points, numbers)
 
 
-def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, object]:
+def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, Any]:
     """Drive through all worlds, and count those in which a mistake is made."""
     rooms: list[Mistake] = []
     doors: list[Mistake] = []
@@ -223,7 +220,7 @@ def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, obje
 @click.option("--path", default=300.0, show_default=True, help="Length of each drive (m).")
 @click.option("--mapper", default="albot1", show_default=True)
 @click.option("--json", "out", type=PathType(), help="File for the figures.")
-def main(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> None:
+def command(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> None:
     """Count the random worlds in which a room is taken for another."""
     if not path > 0:
         raise InputError("--path", "above 0", str(path))
@@ -240,7 +237,3 @@ def main(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> N
         f"recognitions), a wrong door in {found['worlds_with_a_wrong_door']} "
         f"({found['wrong_doors']} of {found['known_doors']} known doors)"
     )
-
-
-if __name__ == "__main__":
-    exit_status(main)

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from albot_core.errors import InputError
-from disturbed_logs import main, table
+from albot_studies.disturbed_logs import command, table
 
 
 def test_errors_are_told_by_those_of_the_undisturbed_log() -> None:
@@ -33,7 +33,7 @@ def test_errors_are_told_by_those_of_the_undisturbed_log() -> None:
 
 def test_a_log_is_mapped_under_every_disturbance(data: Path, tmp_path: Path) -> None:
     options = "--log", "freiburg", "--mapper", "odometry", "--runs", "2", "--out", str(tmp_path)
-    printed = CliRunner().invoke(main, [str(data / "logs"), *options], catch_exceptions=False)
+    printed = CliRunner().invoke(command, [str(data / "logs"), *options], catch_exceptions=False)
     measured = json.loads((tmp_path / "robustness.json").read_text())
     rows = measured["logs"]["freiburg"]["rows"]
     assert [row["disturbance"] for row in rows][:3] == ["noise", "turns", "lengths"]
@@ -48,4 +48,4 @@ def test_a_log_is_mapped_under_every_disturbance(data: Path, tmp_path: Path) -> 
 
 def test_no_runs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--runs"):
-        CliRunner().invoke(main, [str(tmp_path), "--runs", "0"], catch_exceptions=False)
+        CliRunner().invoke(command, [str(tmp_path), "--runs", "0"], catch_exceptions=False)

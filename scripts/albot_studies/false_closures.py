@@ -1,7 +1,5 @@
 """Effect of false loop closures on graph SLAM's map of a real log.
 
-    python scripts/false_closures.py LOG --reference FILE [--share S] [--runs N]
-
 The log is mapped once. Then random closures with high confidence are added between random
 keyframes, and the graph is optimised again. This is repeated with other random closures.
 """
@@ -13,7 +11,6 @@ from pathlib import Path
 import click
 import numpy as np
 
-from albot_cli.main import exit_status
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, trajectory_error
@@ -31,7 +28,7 @@ SURE = np.diag((2500.0, 2500.0, 10000.0))
 @click.option("--reference", type=PathType(), required=True)
 @click.option("--share", default=0.1, show_default=True, help="Of the closures that were found.")
 @click.option("--runs", default=20, show_default=True)
-def main(log: Path, reference: Path, share: float, runs: int) -> None:
+def command(log: Path, reference: Path, share: float, runs: int) -> None:
     """Map LOG, add false closures, and print the ATE of the corrected poses before and after."""
     recorded, truth = read_log(log), read_reference(reference)
     mapper = GraphSlam()
@@ -67,7 +64,3 @@ def add_false_closures(mapper: GraphSlam, count: int, rng: np.random.Generator) 
         motion = rng.uniform(-1.0, 1.0, 3) * (FARTHEST, FARTHEST, np.pi)
         graph.add(source, target, motion, SURE, closes=True)
     graph.poses = graph.optimum()
-
-
-if __name__ == "__main__":
-    exit_status(main)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.mappers.albot1.places.events import Event, EventKind
-from room_confusions import Drive, comparisons, measure, mistakes
+from albot_studies.room_confusions import Drive, comparisons, measure, mistakes
 
 
 def drive(rooms: str, events: dict[int, tuple[EventKind, int, int]]) -> tuple[Drive, np.ndarray]:

@@ -1,7 +1,5 @@
 """Time and memory of metric SLAM over many scans: draws docs/images/slam_growth.png.
 
-    python scripts/slam_growth.py [--laps N] [--out FILE]
-
 A robot drives round `office-ring` several times, so that all ground is known after the first lap.
 Left: processor time per scan in each lap. Right: memory of `dp-slam` with few and with many
 particles (observations of squares), the number of squares seen, and what a separate map for each
@@ -19,7 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 import numpy as np
 
-from albot_cli.main import exit_status
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.files import atomic_write
@@ -48,7 +45,6 @@ PARTICLES = (10, 50, 100)
 """Numbers of particles of `dp-slam` that are drawn on the right."""
 STEPS = StartStop(move=0.25, turn=np.radians(15.0))
 """Motion of the robot between two scans."""
-_FIGURE = Path(__file__).parents[1] / "docs" / "images" / "slam_growth.png"
 
 
 class Memory(NamedTuple):
@@ -64,7 +60,13 @@ class Memory(NamedTuple):
 
 @click.command()
 @click.option("--laps", default=10, show_default=True, type=click.IntRange(2))
-@click.option("--out", default=_FIGURE, type=PathType(), help="The picture.")
+@click.option(
+    "--out",
+    default=Path("docs/images/slam_growth.png"),
+    show_default=True,
+    type=PathType(),
+    help="The picture.",
+)
 def command(laps: int, out: Path) -> None:
     """Measure what scans cost, lap by lap; print the figures and draw them."""
     rounds = drive_laps(laps)
@@ -161,7 +163,3 @@ def _label(axes: Axes, what: str, title: str) -> None:
     axes.set(xlabel="scans", ylabel=what, title=title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-
-
-if __name__ == "__main__":
-    exit_status(command)

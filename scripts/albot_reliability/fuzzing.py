@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from albot_cli.progress import progress
+from albot_reliability.fault_sampling import ROOT
 from tests.fuzzing.fuzz import MEMORY
 from tests.fuzzing.readers import READERS
 
@@ -25,7 +26,6 @@ is written in them (documents, arrays, messages, words) changed, and written aga
 past parsers and checksums. What was read is used: a mapper takes in more readings, an episode is
 played, a training goes on. Two things may happen: a file is read, or it is refused in one clear
 error."""
-_ROOT = Path(__file__).parents[1]
 
 
 def measure(share: float, jobs: int) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def _tallies(names: list[str], folder: Path, examples: int) -> Iterator[tuple[st
         with (
             tempfile.TemporaryFile("w+") as complaints,
             subprocess.Popen(
-                command, cwd=_ROOT, stdout=subprocess.PIPE, stderr=complaints, text=True
+                command, cwd=ROOT, stdout=subprocess.PIPE, stderr=complaints, text=True
             ) as process,
         ):
             assert process.stdout is not None

@@ -1,7 +1,5 @@
 """Writes docs/reliability.md: what was tried to break the project, and what came of it.
 
-    python scripts/reliability.py [--section NAME]... [--share SHARE] [--jobs N]
-
 The figures of sections that are not measured anew stay: they are kept in a JSON file beside the
 page. What is measured takes the processors for some time, politely.
 """
@@ -17,13 +15,10 @@ from typing import Any
 
 import click
 
-import fuzzing
-import injected_faults
-import interruptions
-from albot_cli.main import exit_status
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
+from albot_reliability import fuzzing, injected_faults, interruptions
 
 Figures = Mapping[str, Any]
 
@@ -56,7 +51,7 @@ _HEAD = """\
 What was tried to break the project, and what came of it. This page is written by one command:
 
 ```
-python scripts/reliability.py
+python -m albot_reliability page
 ```
 """
 
@@ -84,7 +79,7 @@ python scripts/reliability.py
     type=PathType(dir_okay=False),
     help="The page; the figures go into a JSON file beside it.",
 )
-def main(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -> None:
+def command(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -> None:
     """Try to break the project, and write the page that tells of it."""
     os.nice(10)
     kept = out.with_suffix(".json")
@@ -109,7 +104,3 @@ def _read(path: Path) -> dict[str, Figures]:
     if not isinstance(figures, dict):
         raise InputError(path, "figures by section", type(figures).__name__)
     return figures
-
-
-if __name__ == "__main__":
-    exit_status(main)

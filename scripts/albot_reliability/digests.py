@@ -1,7 +1,7 @@
 """Golden digests: has a change of the code changed what comes out, and where?
 
-    python scripts/golden_digests.py write FILE [--part envs|logs|experiments]...
-    python scripts/golden_digests.py compare FILE [--part envs|logs|experiments]...
+    python -m albot_reliability digests write FILE [--part envs|logs|experiments]...
+    python -m albot_reliability digests compare FILE [--part envs|logs|experiments]...
 
 `write` runs environments, logs and experiments, and writes a digest of each thing that came out,
 by name; `compare` runs them again and prints the names whose digests differ. Everything is reached
@@ -318,11 +318,11 @@ _DATA = click.option(
 
 
 @click.group()
-def main() -> None:
+def command() -> None:
     """Write digests of all that comes out, or compare with those written before."""
 
 
-@main.command()
+@command.command()
 @click.argument("file", type=_FILE)
 @_PART
 @_DATA
@@ -335,7 +335,7 @@ def write(file: Path, parts: tuple[str, ...], data: Path | None) -> None:
     click.echo(f"{len(found)} digests written to {file}")
 
 
-@main.command()
+@command.command()
 @click.argument("file", type=_FILE)
 @_PART
 @_DATA
@@ -372,7 +372,3 @@ def read_part(file: Path, parts: tuple[str, ...]) -> dict[str, str]:
 def read_other(file: Path, parts: tuple[str, ...]) -> dict[str, str]:
     """The digests of all other parts that a file has."""
     return read_part(file, tuple(part for part in PARTS if part not in parts))
-
-
-if __name__ == "__main__":
-    main()

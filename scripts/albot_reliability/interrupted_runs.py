@@ -36,7 +36,7 @@ from albot_agents.evaluation import comparison
 from albot_cli.main import main
 from albot_env.recording.episode import Moment
 from albot_env.recording.writer import EpisodeWriter
-from left_files import BrokenPromiseError, check_quiet, check_run
+from albot_reliability.left_files import BrokenPromiseError, check_quiet, check_run
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 600.0
@@ -113,6 +113,7 @@ def prepare() -> dict[str, float]:
         comparison.Comparison(
             task=task,
             agents=("random",),
+            figure="spl",
             kinds=(comparison.OFFICES,),
             settings={"max_episode_steps": 10, "mapper": "none"},
         )

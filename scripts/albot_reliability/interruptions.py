@@ -15,7 +15,7 @@ from albot_env.recording.writer import CHUNK_MOMENTS
 # One processor for each run, so that no library's threads are forked; before they are loaded.
 os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
-from interrupted_runs import (
+from albot_reliability.interrupted_runs import (
     COMMANDS,
     EARLY,
     INTERRUPTS,

@@ -1,8 +1,6 @@
 """Fit the weights by which Albot1 judges whether two places are one.
 
-    python scripts/place_evidence.py [--kind office] [--seeds A..B] [--path METRES]
-
-The drives are those of `room_confusions.py`, in other worlds, `random:KIND:SEED`. Every comparison
+The drives are those of `room-confusions`, in other worlds, `random:KIND:SEED`. Every comparison
 of two places whose structure matches is an example, and the truth is as there. The weights are
 found by logistic regression; the misfit counts as `log_likelihood` says, which is not fitted.
 Comparisons of the same two places are alike: n of them weigh as much as the square root of n.
@@ -19,10 +17,9 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from albot_agents.evaluation.plan import parse_seeds
-from albot_cli.main import exit_status
 from albot_core.errors import InputError
 from albot_core.mappers.albot1.places.evidence import log_likelihood
-from room_confusions import comparisons, drive_all
+from albot_studies.room_confusions import comparisons, drive_all
 
 WEIGHTS = "prior", "of share", "of nearest", "of visit"
 ROUNDS = 30
@@ -88,7 +85,7 @@ def _probabilities(
 @click.option("--kind", default="office", show_default=True, help="Kind of the random worlds.")
 @click.option("--seeds", default="6000..6399", show_default=True)
 @click.option("--path", default=300.0, show_default=True, help="Length of each drive (m).")
-def main(kind: str, seeds: str, path: float) -> None:
+def command(kind: str, seeds: str, path: float) -> None:
     """Print the weights, and what is accepted of the examples above some probabilities."""
     if not path > 0:
         raise InputError("--path", "above 0", str(path))
@@ -100,7 +97,3 @@ def main(kind: str, seeds: str, path: float) -> None:
     for bar in BARS:
         right, wrong = (int((probable[examples.same == same] >= bar).sum()) for same in (1, 0))
         click.echo(f"at {bar}: {right} of {examples.same.sum()} right, {wrong} wrong")
-
-
-if __name__ == "__main__":
-    exit_status(main)

@@ -1,8 +1,5 @@
 """How often a kidnapped robot notices that it was moved, and finds out where to.
 
-    python scripts/kidnapped_robots.py [--worlds SPEC] [--seeds A..B] [--mapper NAME] [--after N]
-        [--json FILE]
-
 In each world the robot is guided from room to room. After 120 to 259 readings it is put down in
 another room, with another heading, and its odometer says that it stands still. Then it is guided
 on for 60 readings, or as many as asked. Counted are the robots that
@@ -27,7 +24,6 @@ import numpy as np
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import patrol
-from albot_cli.main import exit_status
 from albot_cli.path_type import PathType
 from albot_core.evaluation.intervals import wilson
 from albot_core.files import write_text
@@ -150,7 +146,7 @@ def measure(worlds: str, seeds: range, mapper: str, after: int = AFTER) -> dict[
     help="Readings after the robot was moved.",
 )
 @click.option("--json", "out", type=PathType(), help="File for the figures.")
-def main(worlds: str, seeds: str, mapper: str, after: int, out: Path | None) -> None:
+def command(worlds: str, seeds: str, mapper: str, after: int, out: Path | None) -> None:
     """Count the kidnapped robots that notice it, and those that find out where they are."""
     found = measure(worlds, parse_seeds(seeds), mapper, after)
     if out is not None:
@@ -162,7 +158,3 @@ def main(worlds: str, seeds: str, mapper: str, after: int, out: Path | None) -> 
         f"them know where they are, {found['mistaken']} are mistaken, the others know that they "
         f"are lost; {found['false_alarm']} false alarms before"
     )
-
-
-if __name__ == "__main__":
-    exit_status(main)

@@ -8,7 +8,7 @@ import pytest
 from albot_core.geometry.poses import relative
 from albot_env.sim.simulator import Simulator
 from albot_maps import load_world
-from kidnapped_robots import AFTER, Kidnapping, kidnap, measure, moved_after
+from albot_studies.kidnapped_robots import AFTER, Kidnapping, kidnap, measure, moved_after
 
 WORLD = "random:office:7000?rooms=4"
 

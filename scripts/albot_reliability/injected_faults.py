@@ -23,8 +23,8 @@ from queue import Queue
 from typing import Any
 
 from albot_cli.progress import progress
-from fault_runs import NOTHING_FOUND
-from fault_sampling import FOLDERS, ROOT, Fault, draw_faults
+from albot_reliability import fault_runs
+from albot_reliability.fault_sampling import FOLDERS, ROOT, Fault, draw_faults
 
 _LOG = logging.getLogger(__name__)
 SEED = 1
@@ -150,7 +150,7 @@ class Copy:
             "NUMBA_OPT": "1",  # What one fault's run compiles anew is not kept.
         }
         self._runs = subprocess.Popen(
-            [sys.executable, str(ROOT / "scripts/fault_runs.py")],
+            [sys.executable, str(Path(fault_runs.__file__))],
             cwd=folder,
             env=os.environ | settings,
             stdin=subprocess.PIPE,
@@ -163,7 +163,7 @@ class Copy:
         with self._injected(fault):
             result, output = self._pytest(["-x"], tests, seconds)
         failed, status = _FAILED.findall(output), result["status"]
-        if status in (0, NOTHING_FOUND):
+        if status in (0, fault_runs.NOTHING_FOUND):
             passed = re.findall(r"(\d+) passed", output)
             found = {"outcome": MISSED, "passed": int(passed[-1]) if passed else 0}
         else:
@@ -385,7 +385,7 @@ run until one fails: its own, those that import it, then others, for {SECONDS:.0
 time after the first. {SHARE:.0%} of the modules of every folder of `albot_core`, `albot_maps`,
 `albot_env`, `albot_agents` and `albot_cli` get one fault each. Its kind is drawn from the operators
 of mutation testing, its place from those where the module can have it, both by a seed
-(`scripts/fault_sampling.py`). Left out by rule: errors and assertions, texts, types, the constants
-of pictures, statements that only tidy up or tell, and arguments that only guard against another's
-fault. A test that sees a fault must pass without it. Programs that keep all faults beside the code
-cannot be used here: compiled kernels are made from whole files."""
+(`scripts/albot_reliability/fault_sampling.py`). Left out by rule: errors and assertions, texts,
+types, the constants of pictures, statements that only tidy up or tell, and arguments that only
+guard against another's fault. A test that sees a fault must pass without it. Programs that keep all
+faults beside the code cannot be used here: compiled kernels are made from whole files."""

@@ -1,7 +1,5 @@
 """What resets of the odometer, put into logs, cost the mappers, as a table.
 
-    python scripts/odometer_resets.py FOLDER [--log NAME]… [--mapper NAME]… [--scans N] [--out FILE]
-
 In each run the odometer jumps once, by a length and in a random direction, with or without a random
 turn, before one of `--scans` random scans of a log of the data folder, or of a robot that explores
 a simulated world. The difference of the ATE to that of the log as recorded is told.
@@ -17,7 +15,6 @@ import click
 import numpy as np
 
 from albot_cli.explored_logs import Exploration, explore
-from albot_cli.main import exit_status
 from albot_cli.map_report import run_mapper
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
@@ -25,7 +22,7 @@ from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import write_text
 from albot_core.logs.disturbed import with_reset
 from albot_core.logs.log import Log
-from disturbed_logs import LOGS, ate, known_log
+from albot_studies.disturbed_logs import LOGS, ate, known_log
 
 WORLDS = {"office": "random:office:7", "apartment": "random:apartment:7"}
 """Simulated worlds, which a robot explores for `STEPS` steps of 0.1 s."""
@@ -96,7 +93,7 @@ def table(measured: dict[str, dict[str, list[dict[str, Any]]]]) -> str:
 @click.option("--mapper", "mappers", multiple=True, default=MAPPERS, show_default=True)
 @click.option("--scans", default=2, show_default=True, help="Scans a length, twice: with a turn.")
 @click.option("--out", type=PathType(), help="File for the table.")
-def main(
+def command(
     folder: Path, names: tuple[str, ...], mappers: tuple[str, ...], scans: int, out: Path | None
 ) -> None:
     """Put resets of the odometer into the logs in FOLDER and of simulated worlds, and map them."""
@@ -112,7 +109,3 @@ def main(
     click.echo(table(measured), nl=False)
     if out is not None:
         write_text(out, table(measured))
-
-
-if __name__ == "__main__":
-    exit_status(main)

@@ -1,7 +1,5 @@
 """Writes docs/comparison.md: all mappers side by side, on real logs and in random worlds.
 
-    ALBOT_DATA=FOLDER python scripts/comparison_page.py [--source NAME]... [--mapper NAME]...
-
 It measures as `albot compare` does. Each source has a folder in docs/comparison, with its figures
 and a picture of each mapper's map. Results that are not measured again are kept.
 """
@@ -21,8 +19,8 @@ from PIL import Image
 
 from albot_cli.compare import explored_sources, recorded_sources
 from albot_cli.comparison_report import FIGURES, as_markdown, panels_of, rows_of
-from albot_cli.main import exit_status
 from albot_cli.mapper_runs import MapperChoice, Source, compare_mappers
+from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.export.picture import write_pictures
 from albot_core.files import atomic_write, write_text
@@ -116,7 +114,7 @@ by `albot compare` ([what each figure is](logs.md#several-mappers-side-by-side))
 written by one command, of which `--source` and `--mapper` measure a part anew:
 
 ```
-ALBOT_DATA=FOLDER python scripts/comparison_page.py
+ALBOT_DATA=FOLDER albot experiment study comparison
 ```
 
 Errors are of the positions believed online, reading by reading, after rigid alignment; *corrected*
@@ -147,9 +145,18 @@ own pages. The systems of metric SLAM were tuned on Intel alone, and looked at o
     "--jobs", default=1, show_default=True, type=click.IntRange(1), help="Number of processes."
 )
 @click.option("--page-only", is_flag=True, help="Measure nothing; only write the page again.")
-def command(sources: tuple[str, ...], mappers: tuple[str, ...], jobs: int, page_only: bool) -> None:
-    """Compare the mappers, and write docs/comparison.md."""
-    folder = Path(__file__).parents[1] / "docs" / "comparison"
+@click.option(
+    "--out",
+    default=Path("docs/comparison.md"),
+    show_default=True,
+    type=PathType(dir_okay=False),
+    help="The page; figures and pictures go into a folder beside it.",
+)
+def command(
+    sources: tuple[str, ...], mappers: tuple[str, ...], jobs: int, page_only: bool, out: Path
+) -> None:
+    """Compare the mappers on real logs and in random worlds, and write the page."""
+    folder = out.with_suffix("")
     if not page_only:
         data = os.environ.get("ALBOT_DATA")
         if not data:
@@ -157,7 +164,7 @@ def command(sources: tuple[str, ...], mappers: tuple[str, ...], jobs: int, page_
         asked = [name for name in MAPPERS if name in (mappers or installed_mappers())]
         for name in sources or SOURCES:
             _measure(folder / name, SOURCES[name].read(Path(data) / "logs"), asked, jobs)
-    write_text(folder.with_suffix(".md"), _page(folder))
+    write_text(out, _page(folder))
 
 
 def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: int) -> None:
@@ -210,7 +217,7 @@ def _page(folder: Path) -> str:
         readings = f"{told['readings']:,} readings along {told['path_m']:.0f} m."
         drawn = [row["mapper"] for row in rows if _picture(folder / name, row["mapper"]).is_file()]
         pictures = _side_by_side(
-            [f"![{mapper}](comparison/{name}/{mapper}.png)" for mapper in drawn]
+            [f"![{mapper}]({folder.name}/{name}/{mapper}.png)" for mapper in drawn]
         )
         parts.append(f"\n## {source.title}\n\n{readings}\n\n{as_markdown(rows)}\n\n{pictures}\n")
     return "".join(parts)
@@ -223,7 +230,3 @@ def _side_by_side(pictures: Sequence[str]) -> str:
         cells = [*pictures[first : first + _ACROSS], *[""] * _ACROSS][:_ACROSS]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    exit_status(command)

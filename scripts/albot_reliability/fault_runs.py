@@ -1,10 +1,8 @@
 """Runs pytest again and again in processes that have the libraries loaded, the nearest tests first.
 
-    python scripts/fault_runs.py
-
-takes a job on each line of the standard input, and writes what came of it on a line: both JSON. A
-job is pytest's arguments, the files of tests in their order, the file that its output goes to, and
-after how much processor time the tests that passed are enough.
+As a program it takes a job on each line of the standard input, and writes what came of it on a
+line: both JSON. A job is pytest's arguments, the files of tests in their order, the file that its
+output goes to, and after how much processor time the tests that passed are enough.
 """
 
 from __future__ import annotations

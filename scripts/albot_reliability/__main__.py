@@ -1,0 +1,22 @@
+"""`python -m albot_reliability`: the page of what was tried, and digests of all that comes out."""
+
+from __future__ import annotations
+
+import click
+
+from albot_cli.group import LazyGroup
+from albot_cli.main import exit_status
+
+PROGRAMS = {
+    "digests": "Write digests of all that comes out, or compare with those written before.",
+    "page": "Try to break the project, and write docs/reliability.md.",
+}
+
+
+@click.group(cls=LazyGroup, package="albot_reliability", summaries=PROGRAMS)
+def main() -> None:
+    """Programs for developers, run in the project's folder."""
+
+
+if __name__ == "__main__":
+    exit_status(main)
