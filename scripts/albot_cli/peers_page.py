@@ -41,7 +41,7 @@ def page(rows: Sequence[Row], machine: Row) -> str:
         *(_line(name, rows) for name in dict.fromkeys(row["name"] for row in rows)),
         "",
         "The ranges are compared with exact ones at the same poses: the largest median error of "
-        "the columns. They are **wrong** where more than 5 % are off by more than 15 cm.",
+        "the columns. They are **wrong** where more than 10 % are off by more than 15 cm.",
         "",
         f"Measured on {machine['processor']}, Python {machine['python']}, by `{COMMAND}`.",
     ]
