@@ -12,6 +12,7 @@ from jaxtyping import Float32
 
 from albot_core.errors import InputError
 from albot_core.planning.steering import Command
+from albot_core.robot import PIONEER_3DX, RobotConfig
 from albot_env.tasks.core.actions import DRIVING, ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
@@ -62,11 +63,13 @@ class EnvironmentConfigs(NamedTuple):
     """How observations are made of readings."""
     actions: ActionConfig
     """What the numbers of an action stand for."""
+    robot: RobotConfig = PIONEER_3DX
+    """Body and drive of the robot."""
 
     @classmethod
     def of(cls, env: gymnasium.Env[Any, Any]) -> EnvironmentConfigs:
         """Return those of an environment, which may be wrapped."""
-        names = "observation_config", "action_config"
+        names = "observation_config", "action_config", "robot_config"
         return cls(*map(env.get_wrapper_attr, names))
 
 

@@ -29,6 +29,7 @@ from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, re
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError, did_you_mean
 from albot_core.files import exists
+from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
@@ -84,7 +85,8 @@ class AgentEntry:
         """
         if self.file is None:
             return ()
-        learnt = {"mapper_config": "its default parameters", **self.file.settings}
+        learnt: dict[str, Any] = {"mapper_config": "its default parameters", "robot": DEFAULT_ROBOT}
+        learnt |= self.file.settings
         learnt |= {"mapper": self.mapper, "config": settings.get("config")}
         return tuple(
             f"{name} {settings[name]} (trained with {learnt.get(name, 'the default')})"

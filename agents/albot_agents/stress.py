@@ -9,7 +9,7 @@ from __future__ import annotations
 import shlex
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
+from albot_core.robot import DEFAULT_ROBOT, choose_robot
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.stress.checks import (
     Limits,
@@ -65,6 +66,8 @@ class Episode:
     """The mapper's parameters; None for the defaults."""
     mapper_config_file: Path | None = None
     """The YAML file with these parameters."""
+    robot: str | None = None
+    """Name of the robot; None for the agent's own."""
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """Make its environment.
@@ -74,8 +77,8 @@ class Episode:
                 the mapper needs.
         """
         asked = {"world": self.world, "mapper": self.mapper, "max_episode_steps": self.steps}
-        if self.mapper_config is not None:
-            asked["mapper_config"] = self.mapper_config
+        more = {"mapper_config": self.mapper_config, "robot": self.robot}
+        asked |= {name: value for name, value in more.items() if value is not None}
         settings = find_agent(self.agent).environment(ENVIRONMENT, asked)
         return gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
 
@@ -86,6 +89,7 @@ class Episode:
             "agent": self.agent,
             "mapper": self.mapper,
             "mapper-config": self.mapper_config_file,
+            "robot": self.robot,
             "seed": self.seed,
             "steps": max(1, steps),
         }
@@ -121,6 +125,7 @@ def plan_episodes(
     steps: int,
     mapper_config: Any = None,
     mapper_config_file: Path | None = None,
+    robot: str | None = None,
 ) -> list[Episode]:
     """Plan an episode for every agent in every world.
 
@@ -135,6 +140,7 @@ def plan_episodes(
         steps: Length of an episode (control steps).
         mapper_config: The mapper's parameters; None for the defaults.
         mapper_config_file: The YAML file with these parameters.
+        robot: Name of the robot; None for each agent's own.
 
     Raises:
         InputError: A world cannot be loaded, or the first environment of an agent not be made. Of
@@ -142,7 +148,7 @@ def plan_episodes(
     """
     worlds = _worlds(spec, count, first)
     for world in dict.fromkeys((*worlds[: len(KINDS)], worlds[-1])):
-        load_world(world)
+        load_world(world, choose_robot(robot or DEFAULT_ROBOT, "robot").radius)
     episodes = [
         Episode(
             world=world,
@@ -152,6 +158,7 @@ def plan_episodes(
             steps=steps,
             mapper_config=mapper_config,
             mapper_config_file=mapper_config_file,
+            robot=robot,
         )
         for k, world in enumerate(worlds)
         for agent in agents
@@ -236,7 +243,8 @@ def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
         agent = make_agent(episode.agent, EnvironmentConfigs.of(env), ENVIRONMENT)
         recorder = LastMoment()
         env.set_wrapper_attr("recorder", recorder)
-        world = load_world(episode.world)
+        radius = env.get_wrapper_attr("robot_config").radius
+        world, limits = load_world(episode.world, radius), replace(limits, radius=radius)
         checker = StepChecker(world, recorder, env.observation_space, observation_config, limits)
         observation, info = begin_episode(env, agent, episode.seed)
         yield checker.after_reset(observation, info)

@@ -31,6 +31,8 @@ class EpisodeHeader:
     """Name of the mapper."""
     odometer: str
     """Name of the odometer's preset."""
+    robot_radius: float
+    """Radius of the robot's body (m)."""
     seed: int | None
     """Seed of the reset; None if none was given."""
     agent: str = ""

@@ -15,7 +15,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of, transform
 from albot_env.recording.layers import map_messages
 
-FORMAT = 3
+FORMAT = 4
 """Version of the project's own message formats."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
@@ -35,6 +35,7 @@ def header_messages(header: EpisodeHeader) -> Iterator[Message]:
             "start": header.start.tolist(),
             "mapper": header.mapper,
             "odometer": header.odometer,
+            "robot_radius": header.robot_radius,
             "agent": header.agent,
             "seed": header.seed,
             "laser": None if header.laser is None else _laser(header.laser),

@@ -201,6 +201,7 @@ class EpisodeReader:
             start=read_array((3,), content["start"], where.at("start")),
             mapper=content["mapper"],
             odometer=content["odometer"],
+            robot_radius=content["robot_radius"],
             seed=content["seed"],
             agent=content["agent"],
             laser=laser,

@@ -165,13 +165,14 @@ LASER_GEOMETRY = _strict(
 )
 EPISODE_HEADER = _strict(
     "albot.EpisodeHeader",
-    format={"const": 3, "description": "Version of the albot messages."},
+    format={"const": 4, "description": "Version of the albot messages."},
     environment=STRING,
     world=STRING,
     walls=_list(_numbers(4)),
     start=_numbers(3),
     mapper=STRING,
     odometer=STRING,
+    robot_radius={"type": "number", "exclusiveMinimum": 0, "description": "In metres."},
     agent=STRING,
     seed={"type": ["integer", "null"]},
     laser={"oneOf": [LASER_GEOMETRY, NULL], "description": "Null on a robot without a laser."},

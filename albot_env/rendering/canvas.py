@@ -10,7 +10,7 @@ from jaxtyping import Float64, UInt8
 
 from albot_core.geometry.poses import inverse, transform_points
 from albot_env.rendering.scene import Panel, Scene, scale_bar
-from albot_env.rendering.shapes import ROBOT_RADIUS, Shape
+from albot_env.rendering.shapes import Shape
 from albot_env.rendering.viewer import Footer
 
 Colour = tuple[int, int, int]
@@ -232,12 +232,16 @@ def _home(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
 
 
 def _robot(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    """Draw an arrow of the body's size, or a larger one that can be seen, and the body's edge."""
     x, y, heading = shape.data
-    radius = max(ROBOT_RADIUS, 6 / view.scale)
+    radius = max(shape.radius, 6 / view.scale)
     angles = heading + np.array((0.0, 2.5, np.pi, -2.5))
     reach = radius * np.array((1.5, 1.1, 0.4, 1.1))
     corners = np.stack((x + reach * np.cos(angles), y + reach * np.sin(angles)), axis=-1)
     pygame.draw.polygon(canvas, PALETTE[shape.style], view(corners).tolist())
+    if shape.radius:
+        middle = view(shape.data[:2]).tolist()
+        pygame.draw.circle(canvas, PALETTE[shape.style], middle, view.scale * shape.radius, 1)
 
 
 PAINTERS: dict[str, Callable[[pygame.Surface, Shape, _View], None]] = {

@@ -37,6 +37,8 @@ class Frame:
     """Name of the world."""
     mapper: str
     """Name of the mapper."""
+    robot_radius: float
+    """Radius of the robot's body (m)."""
     steps: int
     """Number of steps taken."""
     time: float

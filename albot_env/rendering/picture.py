@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
@@ -193,3 +194,6 @@ def _draw_robot(axes: Axes, shape: Shape, colour: str, zorder: int) -> None:
         label=shape.label,
         zorder=zorder,
     )
+    if shape.radius:
+        edge = Circle((x, y), shape.radius, fill=False, color=colour, linewidth=0.8, zorder=zorder)
+        axes.add_patch(edge)

@@ -63,7 +63,7 @@ class Scene:
 
 def lay_out(frame: Frame) -> Scene:
     """Lay a frame out as a scene. The map is drawn with its origin at the true start."""
-    start = frame.start
+    start, radius = frame.start, frame.robot_radius
     believed = compose(start, frame.belief)
     moving = frame.dynamic_obstacles
     obstacles = (
@@ -78,13 +78,13 @@ def lay_out(frame: Frame) -> Scene:
         *obstacles,
         _way("path", frame.path, frame),
         Shape(kind="home", style="home", label="home", data=start),
-        Shape(kind="robot", style="robot", label="robot", data=frame.pose),
+        Shape(kind="robot", style="robot", label="robot", data=frame.pose, radius=radius),
     )
     mapped = (
         *(shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)),
         _way("believed", transform_points(start, frame.believed_path), frame),
         Shape(kind="home", style="home", label="home", data=compose(believed, frame.home)),
-        Shape(kind="robot", style="robot", label="robot", data=believed),
+        Shape(kind="robot", style="robot", label="robot", data=believed, radius=radius),
     )
     bounds = _bounds(*truth, *mapped)
     title = f"what the robot believes ({frame.mapper})"

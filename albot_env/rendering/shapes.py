@@ -12,9 +12,6 @@ from albot_core.maps.layers import OccupancyGridLayer
 
 Kind = Literal["segments", "line", "dots", "marks", "grid", "cells", "home", "robot"]
 
-ROBOT_RADIUS = 0.25
-"""Radius at which the robot is drawn (m), about that of a Pioneer."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shape:
@@ -32,6 +29,8 @@ class Shape:
     """Coordinates in the panel's frame (m)."""
     names: tuple[str, ...] = ()
     """Label beside each mark; empty for no labels."""
+    radius: float = 0.0
+    """Radius of a robot's body (m); 0 for a robot that is a point."""
     grid: OccupancyGridLayer | None = None
     """The cells of a grid; its own origin is ignored."""
 

@@ -51,6 +51,7 @@ class Trace:
             agent=header.agent,
             world=header.world,
             mapper=header.mapper,
+            robot_radius=header.robot_radius,
             steps=len(self._path) - 1,
             time=moment.reading.stamp,
             path_length=moment.path_length,

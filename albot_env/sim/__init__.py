@@ -1,9 +1,10 @@
-"""The simulator: the Pioneer 3-DX and its sensors in a world of walls, doors, boxes and people.
+"""The simulator: a robot and its sensors in a world of walls, doors, boxes and people.
 
 | what | where |
 |---|---|
 | one robot, many robots | `simulator`, `batch_simulator` |
-| wheels, body and walls | `drive`, `physics`; compiled: `chipmunk` |
+| body | `albot_core.robot` |
+| wheels and walls | `drive`, `physics`; compiled: `chipmunk` |
 | what moves | `obstacles`, `obstacle_tables`; compiled: `obstacle_kernels`, `doors`, `walkers` |
 | sensors | `sensors`; all sensors of a batch: `sensing` |
 | laser | `laser`; compiled: `ray_casting` |
@@ -14,7 +15,7 @@
 | threads, cache of worlds | `thread_pool`, `world_cache` |
 """
 
-from albot_env.sim.drive import PIONEER_3DX, RobotConfig
+from albot_core.robot import PIONEER_3DX, ROBOTS, RobotConfig
 from albot_env.sim.laser import LASERS, LMS_200, LaserConfig, RayCaster
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SCENES, SceneConfig
@@ -27,6 +28,7 @@ __all__ = [
     "LMS_200",
     "ODOMETERS",
     "PIONEER_3DX",
+    "ROBOTS",
     "SCENES",
     "SONARS",
     "LaserConfig",

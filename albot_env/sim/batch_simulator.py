@@ -16,6 +16,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.arguments import ArgumentsCache
+from albot_core.robot import RobotConfig
 from albot_core.sensing.reading import Readings
 from albot_env.sim.chipmunk import (
     ChipmunkBuffers,
@@ -25,7 +26,6 @@ from albot_env.sim.chipmunk import (
     advance,
 )
 from albot_env.sim.command_log import CommandLog, Targets
-from albot_env.sim.drive import RobotConfig
 from albot_env.sim.obstacles import DynamicObstacles, ObstacleSnapshot
 from albot_env.sim.odometer import COUNTS
 from albot_env.sim.physics import MAX_ROBOTS, PHYSICS_STEP, PhysicsSpaces

@@ -11,8 +11,9 @@ from jaxtyping import Int64
 from pymunk.batch import BodyFields, Buffer, get_space_bodies
 
 from albot_core.geometry.types import Pose, Segments
+from albot_core.robot import RobotConfig
 from albot_env.sim.chipmunk import SpaceTables, address
-from albot_env.sim.drive import GRAVITY, RobotConfig
+from albot_env.sim.drive import GRAVITY
 from albot_maps.movables import Movables
 from albot_maps.world import World
 

@@ -14,9 +14,9 @@ from jaxtyping import Float64, Int64
 
 from albot_core.kernels.arguments import ArgumentsCache, KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
+from albot_core.robot import RobotConfig
 from albot_core.sensing.reading import Readings
 from albot_env.sim.chipmunk import RobotArrays
-from albot_env.sim.drive import RobotConfig
 from albot_env.sim.laser import beam_geometry, laser_wall_index
 from albot_env.sim.noise import normal_table
 from albot_env.sim.obstacle_tables import ObstacleTables

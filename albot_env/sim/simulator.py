@@ -12,9 +12,10 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.robot import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
 from albot_core.sensing.reading import Reading
 from albot_env.sim.batch_simulator import BatchSimulator, draw_key
-from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels, chord
+from albot_env.sim.drive import chord
 from albot_env.sim.physics import PHYSICS_STEP
 from albot_env.sim.sensors import Sensors
 from albot_maps.world import World
@@ -35,16 +36,20 @@ _PROGRESS = 0.1
 
 
 class Simulator:
-    """One Pioneer 3-DX in a world. Call `reset` first; each command returns a reading.
+    """One robot in a world. Call `reset` first; each command returns a reading.
 
     The same world, configuration, generator state, start and commands give bit-identical
     readings.
 
     Args:
-        world: The world; its walls are sensed by the sensors and stop the robot.
+        world: The world; its walls are sensed by the sensors and stop the robot. It is checked for
+            the robot (see `World.for_robot`).
         robot: Body and drive of the robot.
         sensors: The sensors that the robot carries.
         movables: Whether the world's doors, boxes and people are simulated.
+
+    Raises:
+        InputError: The world is not valid for a robot of this radius.
     """
 
     def __init__(
@@ -55,7 +60,7 @@ class Simulator:
         sensors: Sensors = _USUAL,
         movables: bool = True,
     ) -> None:
-        self._world = world
+        self._world = world.for_robot(robot.radius)
         self._batch = BatchSimulator(1, robot=robot, sensors=sensors, movables=movables)
         self._started = False
         self._start = np.zeros(3)

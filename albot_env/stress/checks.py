@@ -17,6 +17,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses, Ranges, Segments
 from albot_core.ranges import NOT_NEGATIVE, check_fields
+from albot_core.robot import PIONEER_3DX
 from albot_core.sensing.reading import SonarScan
 from albot_env.stress.geometry import (
     Point,
@@ -26,7 +27,6 @@ from albot_env.stress.geometry import (
     wall_distances,
     walls_crossed,
 )
-from albot_maps.world import ROBOT_RADIUS
 
 _TURN_ASIDE = 1e-4
 """A beam that misses a surface when turned by this angle (rad) only grazes the surface."""
@@ -46,7 +46,7 @@ _ROUNDING = 1e-6
 class Limits:
     """Limits of the checks. The defaults are those of the default robot and its laser."""
 
-    radius: float = ROBOT_RADIUS
+    radius: float = PIONEER_3DX.radius
     """Radius of the robot's body (m)."""
     overlap: float = 0.055
     """Maximum overlap of the body with a wall (m). Chipmunk finds a contact only once bodies

@@ -17,7 +17,7 @@ from shapely.plotting import patch_from_polygon
 from albot_core.files import atomic_write
 from albot_maps.freespace import FreeSpace
 from albot_maps.movables import Door, Movables, Walker
-from albot_maps.world import ROBOT_RADIUS, World
+from albot_maps.world import World
 
 _SOLID, _WALL, _TEXT = "#dcdcd8", "#22262b", "#59626d"
 _GLASS = "#8fc4e8"
@@ -73,7 +73,7 @@ def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bo
     _draw_exits(world, axes, names)
     draw_movables(world.movables, axes)
     x_min, y_min, x_max, y_max = world.bounds
-    radius = max(ROBOT_RADIUS, _SMALLEST_START * max(x_max - x_min, y_max - y_min))
+    radius = max(world.robot_radius, _SMALLEST_START * max(x_max - x_min, y_max - y_min))
     for x, y, heading in world.starts:
         axes.add_patch(Circle((x, y), radius, color=_START, zorder=3))
         nose = 2.5 * radius * np.array([np.cos(heading), np.sin(heading)])
@@ -92,7 +92,7 @@ def _draw_floor(world: World, axes: Axes, names: bool) -> None:
         and space.is_enclosed(np.array(region.representative_point().coords[0]))
     ]
     axes.add_collection(PatchCollection(shut, facecolor=_SOLID, edgecolor="none"))
-    starts = shapely.MultiPoint(world.starts[:, :2]).buffer(2 * ROBOT_RADIUS)
+    starts = shapely.MultiPoint(world.starts[:, :2]).buffer(2 * world.robot_radius)
     for index, room in enumerate(world.rooms):
         pieces = shapely.get_parts(floor.intersection(shapely.Polygon(room.boundary)))
         polygons = [piece for piece in pieces if piece.geom_type == "Polygon"]

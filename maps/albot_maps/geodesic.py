@@ -12,7 +12,6 @@ from albot_core.geometry.types import Segments
 from albot_core.planning.grid_search import FAR, first_anchor, search_any_angle
 from albot_maps.freespace import MARGIN
 from albot_maps.lattice import Lattice
-from albot_maps.world import ROBOT_RADIUS
 
 
 class DistanceField:
@@ -32,6 +31,7 @@ class DistanceField:
         walls: Everything the disc must not touch.
         radius: The disc's radius (m).
         goal: Where the paths end (m).
+        spare: Distance that paths keep between disc and walls (m).
         tight: Whether every gap that the disc can pass must be open.
     """
 
@@ -41,12 +41,13 @@ class DistanceField:
         radius: float,
         goal: Float64[np.ndarray, "2"],
         *,
+        spare: float = 0.0,
         tight: bool = False,
     ) -> None:
-        clearance = radius - (Lattice(walls).cell * math.sqrt(0.5) if tight else 0.0)
+        clearance = radius + spare - (Lattice(walls).cell * math.sqrt(0.5) if tight else 0.0)
         self._search(Lattice(walls), clearance, goal)
         if self._is_open(goal):
-            self._search(Lattice(walls, MARGIN * ROBOT_RADIUS), clearance, goal)
+            self._search(Lattice(walls, MARGIN * radius), clearance, goal)
             self._turn_at_edge()
 
     def _search(self, lattice: Lattice, clearance: float, goal: Float64[np.ndarray, "2"]) -> None:

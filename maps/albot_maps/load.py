@@ -16,7 +16,7 @@ from albot_core.files import exists
 from albot_core.yaml_document import read_yaml
 from albot_maps.formats.world_file import parse_world, world_from_document
 from albot_maps.generators.spec import PREFIX, parse_spec
-from albot_maps.world import World
+from albot_maps.world import ROBOT_RADIUS, World
 
 _CATALOGUE = resources.files("albot_maps") / "catalogue"
 _YAML = {".yaml", ".yml"}
@@ -38,24 +38,28 @@ def catalogue_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
 
 
-def load_world(spec: str | Path) -> World:
+def load_world(spec: str | Path, robot_radius: float = ROBOT_RADIUS) -> World:
     """Return the world that a spec names: from the catalogue, from a file, or a random one.
+
+    It is made and checked for a robot of this radius (m).
 
     A random world's spec is `random:KIND:SEED`, optionally followed by parameters:
     `random:office:42?rooms=12&clutter=0.3`.
 
     Raises:
-        InputError: There is no such world, its file is invalid, or it cannot be generated.
+        InputError: There is no such world, its file is invalid, it cannot be generated, or it is
+            not valid for the robot: a door is too narrow, for example.
     """
     spec = str(spec)
     if spec.startswith(PREFIX):
-        return parse_spec(spec).make()
+        return parse_spec(spec).make(robot_radius)
     names = catalogue_names()
     if spec in names:
-        return parse_world((_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8"), source=spec)
+        text = (_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8")
+        return parse_world(text, source=spec, robot_radius=robot_radius)
     path = Path(spec)
     if spec and (exists(path) or path.suffix or path.parent != Path()):
-        return read_world(path)
+        return read_world(path, robot_radius)
     raise InputError(
         "world",
         f"a file, {PREFIX}KIND:SEED or one of {', '.join(names)}",
@@ -63,8 +67,8 @@ def load_world(spec: str | Path) -> World:
     )
 
 
-def read_world(path: Path) -> World:
-    """Return the world in a file. The file's suffix selects the format.
+def read_world(path: Path, robot_radius: float = ROBOT_RADIUS) -> World:
+    """Return the world in a file, for a robot of this radius (m). Its suffix selects the format.
 
     Formats are `albot-world` YAML, a ROS map (its YAML or its picture), a floor plan in XML, a
     HouseExpo house (JSON) and a Stage world. Any of them may be compressed (`.gz`, `.xz`).
@@ -74,35 +78,35 @@ def read_world(path: Path) -> World:
     """
     kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
     if kind in _YAML:
-        return _read_yaml_world(path)
+        return _read_yaml_world(path, robot_radius)
     # The readers of other formats are imported only when needed: they are slow to load.
     if kind == ".xml":
         from albot_maps.formats.plan_xml import read_plan_xml
 
-        return read_plan_xml(path)
+        return read_plan_xml(path, robot_radius)
     if kind == ".json":
         from albot_maps.formats.house_json import read_house_json
 
-        return read_house_json(path)
+        return read_house_json(path, robot_radius)
     if kind == ".world":
         from albot_maps.formats.stage_world import read_stage_world
 
-        return read_stage_world(path)
+        return read_stage_world(path, robot_radius)
     if kind in PICTURES:
-        return _read_yaml_world(_description_of(path))
+        return _read_yaml_world(_description_of(path), robot_radius)
     found = "a folder" if exists(path) and path.is_dir() else kind or "no suffix"
     raise InputError(
         path, "a world file: .yaml, .xml, .json, .world or a picture (.pgm, .png, …)", found
     )
 
 
-def _read_yaml_world(path: Path) -> World:
+def _read_yaml_world(path: Path, robot_radius: float) -> World:
     document = read_yaml(path)
     if isinstance(document.data, dict) and "image" in document.data:
         from albot_maps.formats.ros_grid import read_ros_grid
 
-        return read_ros_grid(document, path)
-    return world_from_document(document, source=str(path))
+        return read_ros_grid(document, path, robot_radius)
+    return world_from_document(document, source=str(path), robot_radius=robot_radius)
 
 
 def _description_of(picture: Path) -> Path:
@@ -122,17 +126,29 @@ class WorldSet:
 
     Args:
         worlds: The worlds, or their specs.
+        robot_radius: Radius (m) of the robot for which they are made and checked.
 
     Raises:
         InputError: `worlds` is empty, or the first one is invalid.
     """
 
-    def __init__(self, worlds: Sequence[str | Path | World]) -> None:
+    def __init__(
+        self, worlds: Sequence[str | Path | World], robot_radius: float = ROBOT_RADIUS
+    ) -> None:
         if not len(worlds):
             raise InputError("worlds", "at least one world", "none")
         self._worlds = worlds
+        self._robot_radius = robot_radius
         self._loaded: OrderedDict[int, World] = OrderedDict()
         self[0]  # An invalid spec raises now, not during a training run.
+
+    def for_robot(self, radius: float) -> WorldSet:
+        """Return the same worlds for a robot of another radius (m); itself for the same radius.
+
+        Raises:
+            InputError: The first world is not valid for that robot.
+        """
+        return self if radius == self._robot_radius else WorldSet(self._worlds, radius)
 
     def __len__(self) -> int:
         """Return the number of worlds."""
@@ -153,15 +169,21 @@ class WorldSet:
             raise InputError("worlds", expected, str(number))
         if number not in self._loaded:
             world = self._worlds[number]
-            self._loaded[number] = world if isinstance(world, World) else load_world(world)
+            self._loaded[number] = (
+                world.for_robot(self._robot_radius)
+                if isinstance(world, World)
+                else load_world(world, self._robot_radius)
+            )
             if len(self._loaded) > KEPT:
                 self._loaded.popitem(last=False)
         self._loaded.move_to_end(number)
         return self._loaded[number]
 
 
-def load_worlds(spec: str | Path | World | WorldSet) -> WorldSet:
-    """Return the worlds that a spec names.
+def load_worlds(
+    spec: str | Path | World | WorldSet, robot_radius: float = ROBOT_RADIUS
+) -> WorldSet:
+    """Return the worlds that a spec names, for a robot of this radius (m).
 
     A spec with a range of seeds names one random world per seed: `random:office:0..99?rooms=8`
     names those of seeds 0 to 99. Any other spec names one world (see `load_world`).
@@ -170,18 +192,19 @@ def load_worlds(spec: str | Path | World | WorldSet) -> WorldSet:
         InputError: As `load_world`; or the range is empty or too large, or `spec` has another type.
     """
     if isinstance(spec, WorldSet):
-        return spec
+        return spec.for_robot(robot_radius)
     if not isinstance(spec, str | Path | World):
         raise InputError("world", "a world, a set of worlds, or a spec of them", repr(spec))
     found = _RANGE.fullmatch(spec) if isinstance(spec, str) else None
     if found is None:
-        return WorldSet((spec,))
+        return WorldSet((spec,), robot_radius)
     first, last = int(found["first"]), int(found["last"])
     parse_spec(f"{PREFIX}{found['kind']}:{last}{found['rest'] or ''}")
     if not 0 <= last - first < _MOST:
         expected = f"a range of seeds A..B with B at least A, of {_MOST:,} seeds at most"
         raise InputError(str(spec), expected, f"{first}..{last}")
-    return WorldSet(_Specs(found["kind"], range(first, last + 1), found["rest"] or ""))
+    specs = _Specs(found["kind"], range(first, last + 1), found["rest"] or "")
+    return WorldSet(specs, robot_radius)
 
 
 class _Specs(Sequence[str]):

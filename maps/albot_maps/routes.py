@@ -15,8 +15,8 @@ from albot_core.errors import InputError
 from albot_maps.freespace import FreeSpace
 from albot_maps.world import World
 
-CLEARANCE = 0.35
-"""Distance (m) that routes keep between the robot's centre and walls, as in the catalogue."""
+SPARE = 0.1
+"""Distance (m) that routes keep between the robot's body and walls, as in the catalogue."""
 
 _Stops = Float64[np.ndarray, "stops 2"]
 _Waypoints = Float64[np.ndarray, "waypoints 2"]
@@ -36,13 +36,13 @@ class Routes:
 
     Args:
         world: The world; its movables are ignored.
-        clearance: Distance of the robot's centre from every wall (m).
+        spare: Distance of the robot's body from every wall (m).
     """
 
-    def __init__(self, world: World, clearance: float = CLEARANCE) -> None:
+    def __init__(self, world: World, spare: float = SPARE) -> None:
         self._world = world
-        self._clearance = clearance
-        self._floor = FreeSpace(world.walls, clearance).region_at(world.starts[0, :2])
+        self._clearance = world.robot_radius + spare
+        self._floor = FreeSpace(world.walls, self._clearance).region_at(world.starts[0, :2])
         shapely.prepare(self._floor)
         self._lattices: dict[float, _Lattice] = {}
 
@@ -58,7 +58,7 @@ class Routes:
             if not self._floor.covers(shapely.Point(x, y)):
                 raise InputError(
                     self._world.source,
-                    f"stops {self._clearance} m from walls and reachable from the first start",
+                    f"stops {self._clearance:g} m from walls and reachable from the first start",
                     f"({x:g}, {y:g})",
                 )
         legs = [self._straightened(self._way(*leg)) for leg in pairwise(stops)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -14,11 +14,13 @@ from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses, Segments
+from albot_core.ranges import POSITIVE, check_fields
+from albot_core.robot import PIONEER_3DX
 from albot_maps.freespace import MARGIN, FreeSpace, wall_lines
 from albot_maps.movables import Environment, Movables, find_violations
 
-ROBOT_RADIUS = 0.25
-"""Radius (m) of the disc that represents the Pioneer 3-DX in the checks of a world."""
+ROBOT_RADIUS = PIONEER_3DX.radius
+"""Radius (m) of the robot for which a world is made and checked by default."""
 
 LARGEST_COORDINATE = 10_000.0
 """Largest absolute coordinate (m); larger ones are probably not in metres."""
@@ -68,7 +70,7 @@ class World:
     """One floor of a building. World frame: x right, y up on the plan, in metres.
 
     Every instance is valid: all numbers are finite and in metres, no wall is a point, names are
-    unique, a robot of radius `ROBOT_RADIUS` fits at every start, which is near the walls, can enter
+    unique, a robot of radius `robot_radius` fits at every start, which is near the walls, can enter
     every room from the first start (with doors open and boxes pushed away) and follows every tour
     clear of the walls, and movables have room. Arrays are read-only copies of the arguments, with
     0 for -0.
@@ -95,8 +97,11 @@ class World:
     """Doors that open and close, boxes that can be pushed, and walkers."""
     source: str = ""
     """Origin of the world: a file, a catalogue name or a generator's spec."""
+    robot_radius: float = ROBOT_RADIUS
+    """Radius (m) of the robot for which the world is valid; no part of a world file."""
 
     def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "robot_radius")
         self._freeze()
         self._check_names()
         self._check_walls()
@@ -105,6 +110,15 @@ class World:
         self._check_tours()
         self._check_reachability()
         self._check_movables()
+
+    def for_robot(self, radius: float) -> World:
+        """Return the same world for a robot of another radius (m); itself for the same radius.
+
+        Raises:
+            InputError: It is not valid for that robot: a start is not free, for example, or a
+                door too narrow.
+        """
+        return self if radius == self.robot_radius else replace(self, robot_radius=radius)
 
     @cached_property
     def opaque(self) -> Segments:
@@ -120,8 +134,8 @@ class World:
 
     @cached_property
     def free_space(self) -> FreeSpace:
-        """Where the centre of a robot of radius `ROBOT_RADIUS` can be."""
-        return FreeSpace(self.walls, ROBOT_RADIUS)
+        """Where the robot's centre can be."""
+        return FreeSpace(self.walls, self.robot_radius)
 
     @cached_property
     def closed(self) -> bool:
@@ -132,7 +146,7 @@ class World:
     def reachable_area(self) -> float:
         """Area of the floor that the robot's body can cover, coming from the starts (m²)."""
         middle = self.free_space.region_at(self.starts[0, :2])
-        return float(shapely.buffer(middle, ROBOT_RADIUS).area)
+        return float(shapely.buffer(middle, self.robot_radius).area)
 
     @cached_property
     def reachable_rooms(self) -> tuple[Room, ...]:
@@ -275,7 +289,7 @@ class World:
             raise self._error("starts", "at least one start (n, 3)", str(self.starts.shape))
         self._check_numbers("starts", self.starts)
         x_min, y_min, x_max, y_max = self.bounds
-        margin = MARGIN * ROBOT_RADIUS
+        margin = MARGIN * self.robot_radius
         low, high = np.array([x_min, y_min]) - margin, np.array([x_max, y_max]) + margin
         places = self.starts[:, :2]
         for index in np.flatnonzero(((places < low) | (places > high)).any(axis=1)):
@@ -283,10 +297,10 @@ class World:
             x, y = places[index]
             raise self._error(f"starts[{index}]", expected, f"({x:g}, {y:g})")
         clearance = shapely.distance(shapely.points(self.starts[:, :2]), wall_lines(self.walls))
-        for index in np.flatnonzero(clearance < ROBOT_RADIUS):
+        for index in np.flatnonzero(clearance < self.robot_radius):
             raise self._error(
                 f"starts[{index}]",
-                f"free space of radius {ROBOT_RADIUS} m",
+                f"free space of radius {self.robot_radius:g} m",
                 f"a wall at {clearance[index]:.3g} m",
             )
 
@@ -298,10 +312,10 @@ class World:
             self._check_numbers(place, waypoints)
             legs = shapely.linestrings(np.stack((waypoints[:-1], waypoints[1:]), axis=1))
             clearance = shapely.distance(legs, wall_lines(self.walls))
-            for index in np.flatnonzero(clearance < ROBOT_RADIUS):
+            for index in np.flatnonzero(clearance < self.robot_radius):
                 raise self._error(
                     f"{place}[{index}]",
-                    f"a leg {ROBOT_RADIUS} m clear of the walls",
+                    f"a leg {self.robot_radius:g} m clear of the walls",
                     f"one at {clearance[index]:.3g} m",
                 )
 
@@ -311,7 +325,7 @@ class World:
             return True
         from albot_maps.lattice import FloodFill  # compiled code is slow to load
 
-        fill = FloodFill(self.walls, ROBOT_RADIUS, self.starts[0, :2])
+        fill = FloodFill(self.walls, self.robot_radius, self.starts[0, :2])
         return all(fill.reaches(start[:2]) for start in self.starts) and all(
             fill.disc_fits_inside(room.boundary) for room in self.rooms
         )
@@ -322,7 +336,9 @@ class World:
         region = self.free_space.region_at(self.starts[0, :2])
         for index, start in enumerate(self.starts[1:], 1):
             if self.free_space.region_at(start[:2]) is not region:
-                expected = f"a start that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]"
+                expected = (
+                    f"a start that a robot of radius {self.robot_radius:g} m reaches from starts[0]"
+                )
                 raise self._error(f"starts[{index}]", expected, "a path blocked by walls")
         unreached = [
             index
@@ -333,14 +349,14 @@ class World:
             names = ", ".join(self.rooms[index].name for index in unreached)
             raise self._error(
                 f"rooms[{unreached[0]}]",
-                f"rooms that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]",
+                f"rooms that a robot of radius {self.robot_radius:g} m reaches from starts[0]",
                 f"no way into {names}",
             )
 
     def _check_movables(self) -> None:
         if not self.movables:
             return
-        around = Environment(self.walls, self.starts[:, :2], ROBOT_RADIUS)
+        around = Environment(self.walls, self.starts[:, :2], self.robot_radius)
         for place, expected, found in find_violations(self.movables, around):
             raise self._error(place, expected, found)
 

@@ -10,8 +10,8 @@ import numpy as np
 import pymunk
 
 from albot_core.geometry.types import Poses, Segments
+from albot_core.robot import PIONEER_3DX
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.sim.drive import PIONEER_3DX
 from albot_env.sim.laser import RayCaster
 from albot_env.sim.physics import PhysicsSpace
 

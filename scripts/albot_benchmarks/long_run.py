@@ -137,7 +137,9 @@ def patrol(
     while True:
         here = int(rng.choice([room for room in stops.rooms if room != here]))
         goal = stops.point(here, rng)
-        way = DistanceField(world.walls, ROBOT_RADIUS + _CLEARANCE, goal).path(simulator.pose[:2])
+        way = DistanceField(world.walls, ROBOT_RADIUS, goal, spare=_CLEARANCE).path(
+            simulator.pose[:2]
+        )
         if not len(way):
             tight = DistanceField(world.walls, ROBOT_RADIUS, goal, tight=True)
             way = tight.path(simulator.pose[:2])

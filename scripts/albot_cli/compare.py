@@ -15,6 +15,7 @@ from click.core import ParameterSource
 from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import FORCE, check_folder
 from albot_cli.path_type import PathType
+from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
 
@@ -64,6 +65,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 @click.option("--sonar", help="Sonars of the exploring robot.  [default: pioneer]")
 @click.option("--scenes", help="Camera of the exploring robot.  [default: none]")
 @click.option("--odometer", help="Odometer of the exploring robot.  [default: pioneer]")
+@robot_option
 @click.option(
     "--jobs",
     type=click.IntRange(1),

@@ -16,6 +16,7 @@ from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_folder, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
 from albot_core.errors import InputError
@@ -48,6 +49,7 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 )
 @click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
 @mapper_config_option
+@robot_option
 @click.option(
     "--odometer",
     "--noise",
@@ -78,6 +80,7 @@ def command(
     against: str | None,
     mapper: str | None,
     mapper_config: Path | None,
+    robot: str | None,
     odometer: str,
     outward: str | None,
     steps: int | None,
@@ -108,10 +111,8 @@ def command(
         check_agent(name, task)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
-    if mapper is not None:
-        settings["mapper"] = mapper
-    if steps is not None:
-        settings["max_episode_steps"] = steps
+    given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps}
+    settings |= {name: value for name, value in given.items() if value is not None}
     if outward is not None:
         settings["config"] = way_out(task, outward)
     if out is not None:

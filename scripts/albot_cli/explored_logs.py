@@ -33,7 +33,7 @@ class Exploration:
     steps: int
     """Number of steps of 0.1 s."""
     sensors: Mapping[str, str]
-    """Presets by name of the setting (`laser`, `sonar`, `scenes`, `odometer`)."""
+    """Presets by name of the setting (`laser`, `sonar`, `scenes`, `odometer`, `robot`)."""
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """Make its environment.

@@ -18,6 +18,7 @@ from albot_cli.evaluate import way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
 from albot_cli.path_type import PathType
+from albot_cli.robots import robot_option
 from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
@@ -35,8 +36,8 @@ AGENTS = {
 """The default agent of each task."""
 SUFFIX = ".mcap"
 """Suffix of episodes, which tells them from tasks here, and from logs in `albot map`."""
-SENSORS = ("laser", "odometer", "sonar", "scenes")
-"""Options that select a sensor's preset, named like the environment's arguments."""
+PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
+"""Options that select the robot or a sensor by name, named like the environment's arguments."""
 RUN_ONLY = (
     "world",
     "mapper",
@@ -47,7 +48,7 @@ RUN_ONLY = (
     "outward",
     "record",
     "no_movables",
-    *SENSORS,
+    *PRESETS,
 )
 """Options that are not allowed for a recorded episode, because it fixes them."""
 
@@ -72,6 +73,7 @@ RUN_ONLY = (
     "gap-explorer in explore, albot1-homing in homing, round-trip in explore-and-home, "
     "place-judge in place-recognition]",
 )
+@robot_option
 @click.option(
     "--laser",
     help="ideal, lms-200, lms-200-fine, long, short or none.  "
@@ -207,9 +209,9 @@ def _run(
     headless: bool,
     no_movables: bool,
     outward: str | None,
-    **sensors: str | None,
+    **presets: str | None,
 ) -> dict[str, Any]:
-    """Run an episode and return its summary. `sensors` holds the presets of `SENSORS`."""
+    """Run an episode and return its summary. `presets` holds the options of `PRESETS`."""
     import gymnasium
 
     from albot_agents.agent import EnvironmentConfigs
@@ -225,7 +227,7 @@ def _run(
         raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
     if agent == Keyboard.name and not keys_expected():
         raise InputError("--agent keyboard", "a window or a terminal with keys", "neither")
-    asked: dict[str, Any] = {"mapper": mapper, **sensors}
+    asked: dict[str, Any] = {"mapper": mapper, **presets}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}
     if outward is not None:

@@ -14,6 +14,7 @@ import click
 
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.progress import progress
+from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
 
@@ -64,6 +65,7 @@ _LARGEST_SEED = 2**64 - 1
 )
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
 @mapper_config_option
+@robot_option
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -74,6 +76,7 @@ def command(
     agents: tuple[str, ...],
     mapper: str,
     mapper_config: Path | None,
+    robot: str | None,
     jobs: int | None,
     as_json: bool,
 ) -> int:
@@ -101,6 +104,7 @@ def command(
         steps=steps,
         mapper_config=mapper_parameters,
         mapper_config_file=mapper_config,
+        robot=robot,
     )
     tally = _Tally()
     _run(episodes, jobs or os.cpu_count() or 1, tally)

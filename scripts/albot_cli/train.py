@@ -15,6 +15,7 @@ import click
 from albot_cli.outputs import check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
 from albot_core.files import make_folder
@@ -51,6 +52,7 @@ _FOLDER = PathType(file_okay=False)
 @click.option(
     "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )
+@robot_option
 @click.option(
     "--quiet",
     is_flag=True,
@@ -64,6 +66,7 @@ def command(
     resume: Path | None,
     seed: int | None,
     steps: int | None,
+    robot: str | None,
     quiet: bool,
     as_json: bool,
 ) -> int:
@@ -78,7 +81,7 @@ def command(
     """
     _check_installed()
     spin_briefly()
-    folder, plan = _begin(task, config, out, resume, seed, steps)
+    folder, plan = _begin(task, config, out, resume, seed, steps, robot)
     result = _train(folder, plan, math.inf if quiet else _EVERY)
     click.echo(json.dumps(result) if as_json else _as_text(result))
     return STOPPED if result["stopped"] else 0
@@ -98,6 +101,7 @@ def _begin(
     resume: Path | None,
     seed: int | None,
     steps: int | None,
+    robot: str | None,
 ) -> tuple[RunFolder, TrainingPlan]:
     """Make or find the run's folder; return it and the plan."""
     from albot_agents.task import find_task
@@ -107,12 +111,13 @@ def _begin(
     if task is not None:
         task = find_task(task)
     if resume is not None:
-        for name, value in (("--config", config), ("--out", out), ("--seed", seed)):
+        fixed = {"--config": config, "--out": out, "--seed": seed, "--robot": robot}
+        for name, value in fixed.items():
             if value is not None:
                 raise InputError(name, "no such option with --resume", str(value))
         folder = RunFolder(resume)
         return folder, folder.resume(task, n_timesteps=steps)
-    changes = {"seed": seed, "n_timesteps": steps}
+    changes = {"seed": seed, "n_timesteps": steps, "robot": robot}
     if config is not None:
         plan = read_plan(config, task, **changes)
     elif task is not None:

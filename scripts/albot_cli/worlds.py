@@ -13,10 +13,12 @@ import numpy as np
 from albot_cli.outputs import FORCE, check_file, check_folder, check_png, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_cli.robots import robot_option
 from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_maps import World, catalogue_names, load_world
+from albot_core.robot import DEFAULT_ROBOT, choose_robot
+from albot_maps import ROBOT_RADIUS, World, catalogue_names, load_world
 from albot_maps.formats.world_file import world_text
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
@@ -72,11 +74,16 @@ def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) 
 
 @command.command()
 @_WORLD
+@robot_option
 @_STRICT
 @_JSON
-def check(spec: str, strict: bool, as_json: bool) -> None:
-    """Check that WORLD can be read and is valid; list what its reader left out."""
-    facts = summary(_load(spec, strict))
+def check(spec: str, robot: str | None, strict: bool, as_json: bool) -> None:
+    """Check that WORLD can be read and is valid; list what its reader left out.
+
+    It is valid for a robot that can stand at its starts and reach its rooms.
+    """
+    radius = choose_robot(robot or DEFAULT_ROBOT, "--robot").radius
+    facts = summary(_load(spec, strict, radius))
     if as_json:
         click.echo(json.dumps({"valid": True, **facts}))
         return
@@ -102,13 +109,13 @@ def convert(spec: str, out: Path, force: bool, strict: bool, as_json: bool) -> N
     click.echo(json.dumps(facts) if as_json else f"{out}: {one_line(facts)}")
 
 
-def _load(spec: str, strict: bool) -> World:
-    """Load the world of a spec.
+def _load(spec: str, strict: bool, robot_radius: float = ROBOT_RADIUS) -> World:
+    """Load the world of a spec, for a robot of this radius (m).
 
     Raises:
         InputError: The world is invalid; or, if `strict`, its reader left out or assumed anything.
     """
-    world = load_world(spec)
+    world = load_world(spec, robot_radius)
     if strict and world.notes:
         raise InputError(spec, "a world without notes, with --strict", "; ".join(world.notes))
     return world

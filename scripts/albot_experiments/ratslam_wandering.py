@@ -34,8 +34,8 @@ READINGS_PER_SECOND = 10
 ODOMETER, SCENE_SENSOR = "pioneer", "paper"
 ASKED_REVISITS = 0.95
 """Share of revisits that must lie within a metre of the first visit."""
-_CLEARANCE = 0.45
-"""Distance of the routes from walls (m); the robot cuts corners."""
+_SPARE = 0.2
+"""Distance of the robot's body from walls on the routes (m); the robot cuts corners."""
 _LEAST_LEG = 1.0
 """Smallest distance between the ends of a route (m)."""
 
@@ -78,7 +78,7 @@ class Wandering:
 def wandering(world: World, tour: str, length: float, rng: np.random.Generator) -> Points:
     """Return waypoints of a tour, then of random routes between them, up to a length (m)."""
     stops = world.tours[tour]
-    routes = Routes(world, _CLEARANCE)
+    routes = Routes(world, _SPARE)
     parts, here, gone = [stops], stops[-1], _length(stops)
     while gone < length:
         there = stops[rng.integers(len(stops))]

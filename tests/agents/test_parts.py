@@ -135,8 +135,8 @@ def test_the_robot_holds_back_before_a_wall_and_not_before_nothing() -> None:
 
 
 def test_steering_settings_that_are_none_are_refused() -> None:
-    with pytest.raises(InputError, match=r"SteeringConfig\.radius"):
-        SteeringConfig(radius=-1.0)
+    with pytest.raises(InputError, match=r"SteeringConfig\.clearance"):
+        SteeringConfig(clearance=-1.0)
 
 
 def _slow_search(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.ndarray:

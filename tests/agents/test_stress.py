@@ -18,6 +18,7 @@ from albot_agents.stress import Episode, Outcome, Violation, plan_episodes, run_
 from albot_cli.main import main
 from albot_core.errors import InputError
 from albot_core.mappers.registry import mapper_config, mapper_spec
+from albot_core.robot import ROBOTS
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.checks import Limits
 from albot_env.tasks.core import single
@@ -120,6 +121,14 @@ def run(episode: Episode = SOUND) -> Outcome:
 def test_nothing_is_wrong_in_random_worlds(kind: str, agent: str):
     episode = dataclasses.replace(SOUND, world=f"random:{kind}:1", agent=agent)
     assert run(episode) == Outcome(episode=episode, steps=30, violations=())
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_nor_with_any_robot(robot: str):
+    world = "random:apartment:1?people=3&boxes=4&doors=2"
+    episode = dataclasses.replace(SOUND, world=world, robot=robot, agent="gap-explorer", steps=60)
+    assert run(episode) == Outcome(episode=episode, steps=60, violations=())
+    assert f"--robot {robot}" in episode.command(3)
 
 
 @pytest.mark.parametrize("agent", agent_names(EXPLORE))
@@ -259,7 +268,7 @@ def lacking(spec: str) -> World:
 def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(single, "load_worlds", lambda spec: load_worlds(lacking(spec)))
+    monkeypatch.setattr(single, "load_worlds", lambda spec, _: load_worlds(lacking(spec)))
     monkeypatch.chdir(tmp_path)
     [violation, *_] = run().violations
     seen = re.search(r"beam (\d+) sees (\S+) m, through a surface at (\S+) m", violation.what)

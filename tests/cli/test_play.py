@@ -18,7 +18,7 @@ from albot_agents.task import find_task
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
-from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
+from albot_env.sim import LASERS, ODOMETERS, ROBOTS, SCENES, SONARS
 from tests.cli.terminal import Terminal
 
 KEYS = {
@@ -241,7 +241,13 @@ def test_things_move_unless_they_are_left_out(play: Play) -> None:
 
 @pytest.mark.parametrize(
     ("option", "presets"),
-    [("--laser", LASERS), ("--odometer", ODOMETERS), ("--sonar", SONARS), ("--scenes", SCENES)],
+    [
+        ("--laser", LASERS),
+        ("--odometer", ODOMETERS),
+        ("--sonar", SONARS),
+        ("--scenes", SCENES),
+        ("--robot", ROBOTS),
+    ],
 )
 def test_the_help_names_every_preset(play: Play, option: str, presets: Mapping[str, Any]) -> None:
     told = play("--help").stdout.split(f" {option} TEXT")[1].split(" --")[0]

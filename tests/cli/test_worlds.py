@@ -374,3 +374,14 @@ def test_a_start_far_from_the_walls_is_refused(albot, tmp_path, at):
     status, out, err = albot("check", "hut.yaml")
     assert (status, out) == (2, "")
     assert "hut.yaml, line 6, starts[0]: expected at most 1 m outside the rectangle" in err
+
+
+def test_a_world_is_checked_for_a_robot(albot, tmp_path):
+    (tmp_path / "hut.yaml").write_text(GOOD.replace("[1, 1]", "[0.3, 1]"))
+    assert albot("check", "hut.yaml")[0] == 0
+    status, _, err = albot("check", "hut.yaml", "--robot", "peoplebot")
+    assert status == 2
+    assert "hut.yaml, line 6, starts[0]: expected free space of radius 0.34 m, found a" in err
+    status, _, err = albot("check", "hut.yaml", "--robot", "turtle")
+    assert status == 2
+    assert "--robot, robot: expected one of pioneer-3dx, kobuki, peoplebot" in err

@@ -98,6 +98,7 @@ def _write_episode(folder: Path) -> None:
         mapper="all",
         agent="chance",
         odometer="ideal",
+        robot_radius=0.25,
         seed=3,
         laser=sensed[0].laser.geometry,
         sonar=sensed[0].sonar.geometry,

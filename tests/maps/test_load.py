@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_maps import WorldSet, catalogue_names, load_world, load_worlds
+from albot_maps import ROBOT_RADIUS, WorldSet, catalogue_names, load_world, load_worlds
 from albot_maps import load as module
 from albot_maps.formats.world_file import world_text
 
@@ -75,7 +75,8 @@ def test_a_folder_is_no_world(tmp_path: Path) -> None:
 def test_a_world_is_made_once_and_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
-    def load(spec: str) -> object:
+    def load(spec: str, robot_radius: float) -> object:
+        assert robot_radius == ROBOT_RADIUS
         made.append(spec)
         return load_world("square-loop")
 

@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from albot_core.errors import InputError
-from albot_maps import World, load_world
+from albot_maps import ROBOT_RADIUS, World, load_world
 from albot_maps.freespace import wall_lines
-from albot_maps.routes import CLEARANCE, Routes
+from albot_maps.routes import SPARE, Routes
 
 
 def length(route):
@@ -28,7 +28,7 @@ def walled() -> World:
 
 
 def test_the_way_round_a_wall_is_as_long_as_geometry_says(walled):
-    route = Routes(walled, 0.3).through(np.array([[1.0, 1.0], [5.0, 1.0]]))
+    route = Routes(walled, 0.05).through(np.array([[1.0, 1.0], [5.0, 1.0]]))
     assert np.array_equal(route[[0, -1]], [[1.0, 1.0], [5.0, 1.0]])
     # Two tangents of the circle of 0.3 m about the wall's end, and the arc between them.
     far = np.hypot(2.0, 2.0)
@@ -46,14 +46,14 @@ def test_a_free_line_is_taken_straight(walled):
 @pytest.mark.parametrize("middle", [2.05, 2.025])
 def test_a_way_leads_through_a_door_between_two_rows_of_the_lattice(walled, middle):
     """Random offices have such doors: `random:office:3012?rooms=12` ended with "found none"."""
-    half = CLEARANCE + 0.01
+    half = (ROBOT_RADIUS + SPARE) + 0.01
     door = np.array([[3, 0, 3, middle - half], [3, middle + half, 3, 4]])
     walls = np.concatenate((walled.walls[:-1], door))
     world = World(name="door", walls=walls, starts=walled.starts, source="door")
     stops = np.array([[1.0, 0.8], [5.0, 3.0]])
     route = Routes(world).through(stops)
     assert np.array_equal(route[[0, -1]], stops)
-    assert shapely.LineString(route).distance(wall_lines(walls)) >= 0.99 * CLEARANCE
+    assert shapely.LineString(route).distance(wall_lines(walls)) >= 0.99 * (ROBOT_RADIUS + SPARE)
     assert length(route) <= 1.06 * np.hypot(4.0, 2.2)
 
 
@@ -64,10 +64,10 @@ def test_routes_keep_clear_and_are_short(spec, lattice):
     route = Routes(world).through_rooms(rooms)
     clearance = shapely.LineString(route).distance(wall_lines(world.walls))
     # The floor's round corners are inscribed polygons.
-    assert clearance >= 0.99 * CLEARANCE
+    assert clearance >= 0.99 * (ROBOT_RADIUS + SPARE)
     assert [world.room_at(*route[end]) for end in (0, -1)] == [rooms[0], rooms[-1]]
     there = Routes(world).through(route[[0, -1]])
-    assert length(there) <= 1.06 * lattice(world, CLEARANCE).way(route[[0, -1]])
+    assert length(there) <= 1.06 * lattice(world, (ROBOT_RADIUS + SPARE)).way(route[[0, -1]])
 
 
 @pytest.mark.parametrize(

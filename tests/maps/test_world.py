@@ -210,3 +210,29 @@ def test_a_world_can_be_copied_as_for_another_process():
     assert not copy.walls.flags.writeable
     with pytest.raises(TypeError):
         copy.tours["u"] = world.walls
+
+
+def test_a_world_is_checked_for_the_robot_that_drives_in_it():
+    world = make()  # Its door is 1 m wide, its start 1 m from two walls.
+    assert world.for_robot(world.robot_radius) is world
+    larger = world.for_robot(0.45)
+    assert larger.robot_radius == 0.45
+    assert larger.free_space.radius == 0.45
+    assert larger.reachable_area < world.reachable_area < world.for_robot(0.1).reachable_area
+    for radius, message in (
+        (0.55, r"test.yaml, rooms\[1\]: expected rooms that a robot of radius 0.55 m reaches"),
+        (
+            1.05,
+            r"test.yaml, starts\[0\]: expected free space of radius 1.05 m, found a wall at 1 m",
+        ),
+        (-1.0, r"World.robot_radius: expected a positive number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            world.for_robot(radius)
+
+
+def test_a_small_robot_may_go_where_the_usual_one_cannot():
+    narrow = np.concatenate((SQUARE, [[3.0, 0, 3, 1.8], [3, 2.2, 3, 4]]))
+    with pytest.raises(InputError, match="no way into east"):
+        make(walls=narrow, exits=())
+    assert make(walls=narrow, exits=(), robot_radius=0.15).reachable_rooms == (WEST, EAST)

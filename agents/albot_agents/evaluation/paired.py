@@ -192,7 +192,9 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
     settings, spec = trial.settings, gymnasium.spec(trial.task)
     words = ["albot", "play", short_name(trial.task), "--agent", trial.agent]
     words += ["--world", trial.world, "--seed", str(trial.seed)]
-    for name in ("mapper", "odometer", "laser", "sonar", "scenes"):
+    if not isinstance(settings.get("robot", ""), str):
+        return ""
+    for name in ("robot", "mapper", "odometer", "laser", "sonar", "scenes"):
         if name in settings:
             words += [f"--{name}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)

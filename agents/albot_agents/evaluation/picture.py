@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from albot_agents.evaluation.trial import Outcome
 from albot_core.files import atomic_write
-from albot_maps import load_world
 
 MOST = 24
 """Largest number of failures that are drawn: the first ones."""
@@ -50,7 +49,7 @@ def save_failures(outcomes: Sequence[Outcome], path: Path) -> None:
 def _draw(axes: Axes, outcome: Outcome) -> None:
     """Draw one failure."""
     trial, path, info = outcome.trial, outcome.path, outcome.info
-    walls = load_world(trial.world).walls
+    walls = trial.loaded_world.walls
     lines = list(walls.reshape(-1, 2, 2))
     axes.add_collection(LineCollection(lines, colors="#2b2f36", linewidths=1.0))
     axes.plot(path[:, 0], path[:, 1], color="#2a6fbb", lw=1.0, label="path driven")

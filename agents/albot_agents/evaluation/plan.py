@@ -13,6 +13,7 @@ import gymnasium
 
 import albot_env
 from albot_core.errors import InputError
+from albot_core.robot import DEFAULT_ROBOT, choose_robot
 from albot_maps import World, load_world
 from albot_maps.generators.spec import PREFIX, seeded
 
@@ -48,14 +49,15 @@ class Trial:
         """Its world; consecutive trials in one world share the same object.
 
         Raises:
-            InputError: There is no such world.
+            InputError: There is no such world, or it is not valid for the robot.
         """
-        return _loaded(self.world)
+        robot = choose_robot(self.settings.get("robot", DEFAULT_ROBOT), self.task)
+        return _loaded(self.world, robot.radius)
 
 
 @lru_cache(maxsize=4)
-def _loaded(spec: str) -> World:
-    return load_world(spec)
+def _loaded(spec: str, robot_radius: float) -> World:
+    return load_world(spec, robot_radius)
 
 
 MOST_SEEDS = 1_000_000
@@ -105,8 +107,8 @@ def plan_trials(
         for world in _files(spec)
         for seed in seeds
     ]
-    for spec in dict.fromkeys(trial.world for trial in (*trials[:1], *trials[-1:])):
-        load_world(spec)
+    for trial in (*trials[:1], *trials[-1:]):
+        assert trial.loaded_world
     # A world that is named twice, or by a pattern too, is run once.
     return list({(trial.world, trial.seed): trial for trial in trials}.values())
 

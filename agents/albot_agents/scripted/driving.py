@@ -14,7 +14,7 @@ from gymnasium.spaces import Space
 from albot_agents.agent import Action, Commands, EnvironmentConfigs
 from albot_core.planning.navigator import KnownWay
 from albot_core.planning.percept import Percept
-from albot_core.planning.steering import Command
+from albot_core.planning.steering import Command, SteeringConfig
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HEADING, HOME, PLACE, WAY
 from albot_env.tasks.core.parts.sensors import LASER, MOTION
@@ -80,6 +80,11 @@ class DrivingAgent(Generic[DriverT]):
     def _declare(self) -> Action | np.int64:
         """Return the action that stops, and declares home unless `claims` is set."""
         return self._commands.action(np.zeros(2), flag=not self._claims)
+
+
+def steering_for(configs: EnvironmentConfigs) -> SteeringConfig:
+    """Return the steering parameters for the robot of an environment."""
+    return SteeringConfig(robot=configs.robot)
 
 
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:

@@ -9,11 +9,11 @@ import numpy as np
 from gymnasium.spaces import Discrete, Space
 
 from albot_agents.agent import Action, EnvironmentConfigs
-from albot_agents.scripted.driving import DrivingAgent
+from albot_agents.scripted.driving import DrivingAgent, steering_for
 from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
-from albot_core.planning.minimal_space_explorer import MinimalSpaceExplorer
+from albot_core.planning.minimal_space_explorer import MinimalSpaceConfig, MinimalSpaceExplorer
 from albot_env.tasks.core.parts.beliefs import CONFIDENCE, TIME_LEFT
 
 
@@ -32,7 +32,9 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
 
     def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
         config = GapExplorerConfig(
-            coverage_range=configs.observations.coverage.radius, gain=self._GAIN
+            coverage_range=configs.observations.coverage.radius,
+            gain=self._GAIN,
+            steering=steering_for(configs),
         )
         super().__init__(configs, GapExplorer(config), claims=claims)
 
@@ -55,7 +57,8 @@ class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
     name: ClassVar[str] = "association-explorer"
 
     def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(configs, MinimalSpaceExplorer(), claims=claims)
+        config = MinimalSpaceConfig(steering=steering_for(configs))
+        super().__init__(configs, MinimalSpaceExplorer(config), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
@@ -73,9 +76,8 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
     name: ClassVar[str] = "nearest-frontier"
 
     def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(
-            configs, FrontierExplorer(configs.observations.coverage.radius), claims=claims
-        )
+        driver = FrontierExplorer(configs.observations.coverage.radius, steering_for(configs))
+        super().__init__(configs, driver, claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""

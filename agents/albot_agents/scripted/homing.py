@@ -12,6 +12,7 @@ from albot_agents.agent import Action, Commands, EnvironmentConfigs
 from albot_agents.scripted.driving import (
     DrivingAgent,
     decode_known_way,
+    steering_for,
 )
 from albot_core.geometry.poses import compose, inverse, transform_points
 from albot_core.geometry.types import Points, Pose
@@ -42,7 +43,7 @@ class MapHoming(DrivingAgent[Navigator]):
     """Distance to the estimated home at which it declares home (m)."""
 
     def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(configs, Navigator(), claims=claims)
+        super().__init__(configs, Navigator(steering_for(configs)), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on towards home, or declares home."""
@@ -118,7 +119,7 @@ class Albot0Homing:
         assert observation_config.sonar is not None, "shown by the part of that name"
         self._observation_config = observation_config
         self._sonar = observation_config.sonar
-        self._driver = SonarDriver()
+        self._driver = SonarDriver(robot=configs.robot)
         self._commands = Commands(configs.actions)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
@@ -169,7 +170,7 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     """Length of the home vector below which it declares home (m)."""
 
     def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(configs, GoalSeeker(), claims=claims)
+        super().__init__(configs, GoalSeeker(steering_for(configs)), claims=claims)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
@@ -205,8 +206,8 @@ class Oracle(DrivingAgent[GoalSeeker]):
 
     ARRIVED = 0.2
     """Distance to home at which it stops (m)."""
-    CLEARANCE = 0.3
-    """Distance from walls (m) at which it passes turning points; its body has a radius of 0.25."""
+    CLEARANCE = 0.05
+    """Distance of its body from walls (m) at which it passes turning points."""
     TURN_FIRST = 0.2
     """Angle to the turning point above which it turns on the spot (rad)."""
     BRAKING = 0.8
@@ -222,7 +223,8 @@ class Oracle(DrivingAgent[GoalSeeker]):
     """Least decrease of the way home that counts as progress (m)."""
 
     def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(configs, GoalSeeker(), claims=claims)
+        self._steering = steering_for(configs)
+        super().__init__(configs, GoalSeeker(self._steering), claims=claims)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
@@ -243,7 +245,7 @@ class Oracle(DrivingAgent[GoalSeeker]):
             return self._drive(self._driver.command(percept, turn), observation)
         command = self._straight(self._beside_walls(turn, percept))
         if steps <= self.CAREFUL_STEPS:
-            command = admissible_command(command, percept.points, percept.motion)
+            command = admissible_command(command, percept.points, percept.motion, self._steering)
         return self._drive(command, observation)
 
     def _beside_walls(self, turn: Points, percept: Percept) -> Points:
@@ -251,7 +253,7 @@ class Oracle(DrivingAgent[GoalSeeker]):
         apart = turn - percept.points
         distances = np.hypot(*apart.T)
         nearest = int(np.argmin(distances))
-        lacking = self.CLEARANCE - distances[nearest]
+        lacking = self._steering.robot.radius + self.CLEARANCE - distances[nearest]
         if lacking <= 0 or distances[nearest] == 0:
             return turn
         return np.asarray(turn + lacking * apart[nearest] / distances[nearest])

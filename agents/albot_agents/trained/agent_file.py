@@ -28,7 +28,9 @@ LARGEST_WEIGHT = 1e6
 LARGEST_LOG_STD = 20.0
 """Largest absolute logarithm of a standard deviation."""
 
-KEPT_SETTINGS = ("mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config")
+KEPT_SETTINGS = (
+    "robot", "mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config",
+)  # fmt: skip
 """Settings of the environment that determine observations and actions; see `KEPT_CONFIG`."""
 KEPT_CONFIG = ("observations", "actions", "claims", "tour")
 """Those fields of the setting `config` that determine observations and actions. A tour, whose

@@ -13,6 +13,7 @@ from albot_core.errors import InputError
 from albot_core.files import atomic_write, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, deep_merge, read_record, to_plain
+from albot_core.robot import DEFAULT_ROBOT
 
 _FIGURES = {
     "success_rate": "success",
@@ -115,6 +116,7 @@ def _origin(agent: AgentFile) -> str:
         "command": f"`{training.command}`",
         "seed": plan.seed,
         "worlds": "; ".join(f"`{world}`" for world in shown),
+        "robot": f"`{agent.settings.get('robot', DEFAULT_ROBOT)}`",
         "mapper": f"`{agent.settings.get('mapper', 'albot1')}`",
         "samples": f"{training.samples:,} in {training.episodes:,} episodes",
         "time": f"{training.seconds / 3600:.2f} h, {training.machine}",

@@ -11,11 +11,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from albot_agents.evaluation.plan import parse_seeds, plan_trials
 from albot_agents.task import batch_settings
 from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
-from albot_agents.training.plan_file import evaluation_settings
+from albot_agents.training.plan_file import evaluation_settings, evaluation_trials
 from albot_core.archive import read_arrays
 from albot_core.errors import InputError
 from albot_core.files import atomic_write
@@ -48,8 +47,7 @@ class Evaluations:
 
     def __init__(self, plan: TrainingPlan, path: Path, samples: int) -> None:
         assert plan.evaluation is not None
-        seeds = parse_seeds(str(plan.evaluation.seeds))
-        trials = plan_trials(plan.task, "", plan.evaluation.worlds, seeds, {})
+        trials = evaluation_trials(plan, plan.evaluation.worlds)
         self._seeds = [trial.seed for trial in trials]
         settings = evaluation_settings(plan)
         if "journeys" in batch_settings(plan.task):

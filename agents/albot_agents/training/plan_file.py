@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium
 import yaml
 
-from albot_agents.evaluation.plan import parse_seeds, plan_trials
+from albot_agents.evaluation.plan import Trial, parse_seeds, plan_trials
 from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import EvaluationPlan, StagePlan, TrainingPlan
 from albot_agents.training.plan_check import MEMORY, check_device, check_policy, check_spaces
@@ -30,8 +30,8 @@ def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPl
     Args:
         path: The file.
         task: The task; None for the one that the file names.
-        changes: Values of top-level keys that replace the file's, which must be valid anyway. None
-            replaces nothing.
+        changes: Values of top-level keys that replace the file's, which must be valid anyway, and
+            `robot`, which replaces that of `env`. None replaces nothing.
 
     Raises:
         InputError: The file is missing or not YAML, has an unknown key or an invalid value, is for
@@ -107,6 +107,8 @@ def _plan(
     with where.relocate_errors():
         check_task(plan.task)
         given = {name: value for name, value in changes.items() if value is not None}
+        if "robot" in given:
+            given["env"] = {**plan.env, "robot": given.pop("robot")}
         plan = dataclasses.replace(plan, **given)
     check_device(plan, where)
     _check_environments(plan, where)
@@ -123,7 +125,7 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         if "world" in plan.evaluation.env:
             raise place.at("world").error("worlds in evaluation.worlds alone", "some here")
         _read_settings(plan, plan.evaluation.env, place)
-        _check_evaluation_worlds(plan.task, plan.evaluation, where.at("evaluation", "worlds"))
+        _check_evaluation_worlds(plan, plan.evaluation, where.at("evaluation", "worlds"))
     batches = []
     for k, stage in enumerate(plan.stages):
         place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
@@ -157,12 +159,25 @@ def _read_settings(plan: TrainingPlan, env: Mapping[str, Any], where: Location) 
     return settings
 
 
-def _check_evaluation_worlds(task: str, evaluation: EvaluationPlan, where: Location) -> None:
+def evaluation_trials(plan: TrainingPlan, worlds: Sequence[str]) -> list[Trial]:
+    """Return the episodes of the evaluations in some worlds, for the robot of the plan.
+
+    Raises:
+        InputError: The world of the first or of the last episode cannot be loaded.
+    """
+    assert plan.evaluation is not None
+    env = deep_merge(deep_merge(plan.env, plan.stages[-1].env), plan.evaluation.env)
+    robot = {"robot": env["robot"]} if "robot" in env else {}
+    return plan_trials(plan.task, "", worlds, parse_seeds(str(plan.evaluation.seeds)), robot)
+
+
+def _check_evaluation_worlds(
+    plan: TrainingPlan, evaluation: EvaluationPlan, where: Location
+) -> None:
     """Raise InputError for a spec of which the first or the last world cannot be loaded."""
-    seeds = parse_seeds(str(evaluation.seeds))
     for k, spec in enumerate(evaluation.worlds):
         try:
-            plan_trials(task, "", (spec,), seeds, {})
+            evaluation_trials(plan, (spec,))
         except InputError as error:
             place = where.at(k)
             raise place.error(error.expected, f"{spec!r} ({error.found})") from None

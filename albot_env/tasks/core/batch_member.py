@@ -10,6 +10,7 @@ from gymnasium.spaces import Space
 from jaxtyping import UInt8
 
 from albot_core.errors import InputError, did_you_mean
+from albot_core.robot import RobotConfig
 from albot_env.tasks.core.episode_state import EpisodeState
 from albot_env.tasks.core.observation import ObservationConfig
 
@@ -66,6 +67,11 @@ class BatchMember:
     def observation_config(self) -> ObservationConfig:
         """How its observations are made of readings, with the sensors chosen."""
         return self._batch.observation_config
+
+    @property
+    def robot_config(self) -> RobotConfig:
+        """Body and drive of its robot."""
+        return self._batch.robot_config
 
     @property
     def np_random(self) -> np.random.Generator:

@@ -96,6 +96,7 @@ class EpisodeFollower:
             start=robots.starts[row].copy(),
             mapper=self._interface.mapper,
             odometer=self._interface.odometer,
+            robot_radius=self._interface.robot_config.radius,
             seed=seed,
             laser=config.laser,
             sonar=config.sonar,

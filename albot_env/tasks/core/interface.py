@@ -9,6 +9,7 @@ from jaxtyping import Float32
 
 from albot_core.errors import InputError
 from albot_core.plain_data import to_plain
+from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.observation import Parts
 from albot_env.tasks.core.precompile import precompile
 from albot_env.tasks.core.robots import BatchedRobots
@@ -29,7 +30,7 @@ class TaskInterface(Generic[Robots]):
         task: The task's class.
         robots: Number of robots.
         threads: Threads that share the work; None for one per processor.
-        mapper, odometer, laser, sonar, scenes, observation, action, movables: See
+        mapper, odometer, laser, sonar, scenes, observation, action, movables, robot: See
             `CommonSettings`.
         of_task: The task's own settings, which are the keywords of its class.
 
@@ -52,6 +53,7 @@ class TaskInterface(Generic[Robots]):
         observation: str = "flat",
         action: str = "continuous",
         movables: bool = True,
+        robot: Any = DEFAULT_ROBOT,
         **of_task: Any,
     ) -> None:
         if observation not in ("flat", "dict"):
@@ -70,16 +72,20 @@ class TaskInterface(Generic[Robots]):
             sonar=sonar,
             scenes=scenes,
             movables=movables,
+            robot=robot,
             threads=threads,
+            environment=task.environment,
         )
         precompile(equipment)
         kind = config_class(task)
         of_task["config"] = chosen_config(of_task.get("config"), kind, task.environment)
         self.mapper, self.odometer = mapper, odometer
         """Names of the mapper and of the odometer's preset."""
+        self.robot_config = equipment.robot
+        """Body and drive of the robots."""
         names = {"odometer": odometer, "laser": laser, "sonar": sonar, "scenes": scenes}
         self._identity = {"mapper": mapper, "mapper_config": equipment.mapper_config, **names}
-        self._identity |= {"movables": movables, "journeys": 0, **of_task}
+        self._identity |= {"movables": movables, "robot": equipment.robot, "journeys": 0, **of_task}
         # `task` accepts more keywords than `BatchedRobots` does.
         self.robots: Robots = task(robots, equipment, **of_task)
         """The robots."""

@@ -61,17 +61,20 @@ class ObservationBuilder:
         robots: Number of robots.
         config: Configuration of observations and coverage.
         laser: Geometry of the robots' laser.
+        robot_radius: Radius of the robots (m).
     """
 
-    def __init__(self, robots: int, config: ObservationConfig, laser: LaserGeometry) -> None:
+    def __init__(
+        self, robots: int, config: ObservationConfig, laser: LaserGeometry, robot_radius: float
+    ) -> None:
         self._config = config.coverage
         self._scales, self._layout = config.scales, config.layout
         self._sensor = config.coverage.sensor(laser)
         self._covered = empty_coverage(robots, self._config.cell)
         self._believed = empty_coverage(robots, self._config.cell)
         self._has_ground, self._has_occupancy = map(config.needs, (Need.GROUND, Need.OCCUPANCY))
-        self._wayfinding = config.wayfinding
-        self._searching = config.wayfinding.occupancy(config.coverage), config.wayfinding.search
+        self._wayfinding = ways = config.wayfinding
+        self._searching = ways.occupancy(config.coverage), ways.search(robot_radius)
         self._occupancy = empty_occupancy(robots)
         self._worlds = WorldCache(robots, self._add_world, self._forget_rooms)
         self._rooms = Rooms(

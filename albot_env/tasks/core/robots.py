@@ -17,7 +17,6 @@ from albot_core.mappers.mapper import TRAVEL, KeptWays
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.sensing.reading import Readings
-from albot_env.sim import PIONEER_3DX
 from albot_env.sim.batch_simulator import BatchSimulator, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
 from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
@@ -98,14 +97,16 @@ class BatchedRobots:
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
         self._simulator = BatchSimulator(
             robots,
-            robot=PIONEER_3DX,
+            robot=equipment.robot,
             sensors=sensors,
             threads=self._threads,
             movables=equipment.movables,
             control_steps=SUBSTEPS,
         )
         self._needs_way_home = observations.needs(Need.WAY_HOME)
-        self._builder = ObservationBuilder(robots, observations, self.ground_laser)
+        self._builder = ObservationBuilder(
+            robots, observations, self.ground_laser, equipment.robot.radius
+        )
         self._stats = new_stats(robots, len(self.terms_of_reward))
         self._cell_area = observations.coverage.cell**2
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)

@@ -15,9 +15,16 @@ import numpy as np
 from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import Mapper, MapperBatch
-from albot_core.mappers.registry import check_sensors, make_mapper, make_mappers, mapper_spec
+from albot_core.mappers.registry import (
+    check_sensors,
+    config_for_robot,
+    make_mapper,
+    make_mappers,
+    mapper_spec,
+)
 from albot_core.mappers.registry import mapper_config as full_config
 from albot_core.plain_data import Location, read_config, to_plain
+from albot_core.robot import PIONEER_3DX, RobotConfig, choose_robot
 from albot_env.sim import Sensors, choose_sensors
 from albot_maps import World, WorldSet
 
@@ -88,6 +95,9 @@ class CommonSettings(TypedDict, total=False):
     """`continuous` (default) or `discrete`: the index of a row of `ActionConfig.choices`."""
     movables: bool
     """Whether doors, boxes and people are simulated in worlds that have them (default: true)."""
+    robot: Any
+    """The robot's body and drive: a name (`pioneer-3dx`; `albot_env.sim.ROBOTS`), a `RobotConfig`,
+    or a mapping of its fields that differ from the default. Worlds are made and checked for it."""
 
 
 class Settings(CommonSettings, total=False):
@@ -189,6 +199,8 @@ class Equipment:
     """Name of each robot's mapper, or `none`."""
     mapper_config: Any = None
     """The mapper's parameters (see `make_mapper`); None for the default."""
+    robot: RobotConfig = PIONEER_3DX
+    """Body and drive of each robot."""
     sensors: Sensors
     """The sensors of each robot."""
     movables: bool = True
@@ -227,16 +239,19 @@ def equip(
     sonar: str,
     scenes: str,
     movables: bool,
+    robot: Any,
     threads: int | None,
+    environment: str,
 ) -> Equipment:
     """Return the equipment with these names.
 
     Raises:
-        InputError: A sensor or the mapper is unknown, the mapper's config is invalid, it needs a
-            sensor that the robot lacks, or `movables` is neither true nor false.
+        InputError: A robot, a sensor or the mapper is unknown, the mapper's config is invalid, it
+            needs a sensor that the robot lacks, or `movables` is neither true nor false.
     """
     if not isinstance(movables, bool | np.bool_):
         raise InputError("movables", "True or False", repr(movables))
+    robot_config = choose_robot(robot, environment)
     sensors = choose_sensors(
         laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
     )
@@ -255,10 +270,11 @@ def equip(
         # Always the complete config: it identifies the equipment in the keys of journeys.
         if isinstance(mapper_config, Mapping):
             mapper_config = to_plain(mapper_config)
-        mapper_config = full_config(spec, mapper_config)
+        mapper_config = config_for_robot(full_config(spec, mapper_config), robot_config)
     return Equipment(
         mapper=mapper,
         mapper_config=mapper_config,
+        robot=robot_config,
         sensors=sensors,
         movables=movables,
         threads=threads,

@@ -11,6 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from jaxtyping import UInt8
 
 from albot_core.errors import InputError
+from albot_core.robot import DEFAULT_ROBOT, choose_robot
 from albot_env.recording.episode import Recorder
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.viewer import NullViewer, Viewer
@@ -55,8 +56,8 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         settings: See `Settings`.
 
     Raises:
-        InputError: There is no such setting, world, mapper, sensor, observation or render mode;
-            or `human` where no window opens.
+        InputError: There is no such setting, world, mapper, robot, sensor, observation or render
+            mode; the world is not valid for the robot; or `human` where no window opens.
     """
 
     metadata = METADATA
@@ -72,7 +73,8 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
     ) -> None:
         self._environment = environment = self.task.environment
         check_settings(settings, self.settings(), environment)
-        self._worlds = load_worlds(world)
+        robot = choose_robot(settings.get("robot", DEFAULT_ROBOT), environment)
+        self._worlds = load_worlds(world, robot.radius)
         self._interface = interface = TaskInterface(self.task, 1, **settings)
         self._robot: Robots = interface.robots
         self.render_mode = render_mode
@@ -81,6 +83,8 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         """How observations are made of readings, with the sensors chosen."""
         self.action_config = interface.robots.actions
         """What the numbers of an action stand for."""
+        self.robot_config = robot
+        """Body and drive of the robot."""
         self.action_space = interface.action_space
         self.observation_space = interface.observation_space
         self._begun = self._closed = False

@@ -116,6 +116,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         """How observations are made of readings, with the sensors chosen."""
         self.action_config = interface.robots.actions
         """What the numbers of an action stand for."""
+        self.robot_config = interface.robot_config
+        """Body and drive of the robots."""
         self.num_envs = num_envs
         self.autoreset_mode = _choose_mode(autoreset_mode, environment)
         """When environments that are over are reset."""
@@ -124,7 +126,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             "autoreset_mode": self.autoreset_mode,
         }
         self.render_mode = render_mode
-        self._worlds = _choose_worlds(world, num_envs, environment)
+        radius = interface.robot_config.radius
+        self._worlds = _choose_worlds(world, num_envs, environment, radius)
         self._limit = max_episode_steps
         self.single_action_space = interface.action_space
         self.single_observation_space = interface.observation_space
@@ -510,7 +513,7 @@ def _choose_mode(mode: str | AutoresetMode, environment: str) -> AutoresetMode:
 
 
 def _choose_worlds(
-    world: Worlds | Sequence[Worlds], count: int, environment: str
+    world: Worlds | Sequence[Worlds], count: int, environment: str, robot_radius: float
 ) -> list[WorldSet]:
     """Return the worlds of each environment; those of one spec are the same objects."""
     if isinstance(world, Sequence) and not isinstance(world, str):
@@ -523,7 +526,7 @@ def _choose_worlds(
     for row, spec in enumerate(specs):
         try:
             known = loaded.get(spec) if isinstance(spec, Worlds) else None
-            loaded[spec] = known or load_worlds(spec)
+            loaded[spec] = known or load_worlds(spec, robot_radius)
         except InputError as error:
             raise _named(error, f"{environment}, world of environment {row}") from None
     return [loaded[spec] for spec in specs]

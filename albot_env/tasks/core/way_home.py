@@ -13,7 +13,7 @@ from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import FAR, first_anchor
 from albot_env.tasks.core.row_arrays import Arrays, put_rows
-from albot_maps import ROBOT_RADIUS, World
+from albot_maps import World
 from albot_maps.geodesic import DistanceField
 
 KEPT = 256
@@ -143,9 +143,9 @@ class DistanceFieldCache:
         """Return the geodesic distances to a start from everywhere in its world."""
         key = (id(world), start.tobytes())
         if key not in self._kept:
-            field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])
+            field = DistanceField(world.walls, world.robot_radius, start[:2])
             if math.isinf(field.distance(start[:2])):
-                field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
+                field = DistanceField(world.walls, world.robot_radius, start[:2], tight=True)
             self._kept[key] = world, field
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)

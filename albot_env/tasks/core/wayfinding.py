@@ -10,6 +10,7 @@ from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
 from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
+from albot_core.robot import PIONEER_3DX
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyGrids,
@@ -39,10 +40,10 @@ class WayfindingConfig:
     """Side of a cell of the occupancy grid (m)."""
     reach: float = 7.0
     """Maximum distance at which readings are drawn on the grid (m)."""
-    radius: float = 0.28
-    """Minimum distance of paths from occupied cells (m)."""
-    wide: float = 0.45
-    """Distance from occupied cells below which paths count twice as long (m)."""
+    clearance: float = 0.03
+    """Minimum distance of the robot's body from occupied cells on a path (m)."""
+    comfort_clearance: float = 0.2
+    """Distance of the body from occupied cells below which paths count twice as long (m)."""
     margin: float = 8.0
     """Margin of the search for a path home around robot and home (m)."""
     first: float = 8.0
@@ -56,14 +57,22 @@ class WayfindingConfig:
     """Number of steps between searches."""
 
     def __post_init__(self) -> None:
-        sizes = "cell", "reach", "radius", "wide", "margin", "first", "last", "ahead"
+        sizes = (
+            "cell",
+            "reach",
+            "clearance",
+            "comfort_clearance",
+            "margin",
+            "first",
+            "last",
+            "ahead",
+        )
         check_fields(self, POSITIVE, *sizes)
         check_fields(self, _WORTH, "worth")
         check_fields(self, FROM_ONE, "every")
-        self._check("wide", self.radius)
-        self._check("margin", self.wide + self.cell)
-        self._check("first", self.wide + self.cell)
+        self._check("comfort_clearance", self.clearance)
         self._check("last", self.first)
+        self.search(PIONEER_3DX.radius)
 
     def _check(self, name: str, least: float) -> None:
         """Raise InputError if a number is below its minimum."""
@@ -86,12 +95,18 @@ class WayfindingConfig:
             every=self.every,
         )
 
-    @property
-    def search(self) -> SearchParams:
-        """Return the parameters of the compiled searches."""
+    def search(self, robot_radius: float) -> SearchParams:
+        """Return the parameters of the compiled searches for a robot of this radius (m).
+
+        Raises:
+            InputError: The searched area does not contain the ground around the robot.
+        """
+        radius, wide = robot_radius + self.clearance, robot_radius + self.comfort_clearance
+        self._check("margin", wide + self.cell)
+        self._check("first", wide + self.cell)
         return SearchParams(
             cell=self.cell,
-            radii=(self.radius / self.cell, self.wide / self.cell),
+            radii=(radius / self.cell, wide / self.cell),
             margin=self.margin,
             first=self.first,
             last=self.last,

@@ -19,7 +19,9 @@ from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Pose
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
+from albot_core.planning.steering import SteeringConfig
 from albot_core.ranges import Range, check_fields
+from albot_core.robot import RobotConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
@@ -27,7 +29,7 @@ from albot_env.tasks.core.journeys import JourneyCache, Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import NO_MAPPER, Equipment
-from albot_maps import ROBOT_RADIUS, World
+from albot_maps import World
 from albot_maps.geodesic import DistanceField
 
 LENGTHS = Range("a number within [0, 100000]", 0.0, 100_000.0)
@@ -109,7 +111,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         # The state at the end holds what was covered, and no other part of an observation.
         kind = replace(equipment, threads=1), observations.coverage, config
         super().__init__(environment, kind, count)
-        self._guide = _Guide(config, movables=equipment.movables)
+        self._guide = _Guide(config, equipment.robot, movables=equipment.movables)
         # It always observes coverage, so that robots that do can use its journeys, too.
         parts = dict.fromkeys((*observations.parts, "coverage"))
         self._follower = BatchedRobots(
@@ -147,6 +149,7 @@ class _Guide:
 
     Args:
         config: Length of journeys.
+        robot: Body and drive of the robots.
         movables: Whether doors, boxes and people are simulated in worlds that have them.
     """
 
@@ -155,17 +158,17 @@ class _Guide:
     _STEPS = 400
     """Constant part of the step limit."""
 
-    def __init__(self, config: OutwardJourneyConfig, *, movables: bool) -> None:
+    def __init__(self, config: OutwardJourneyConfig, robot: RobotConfig, *, movables: bool) -> None:
         self._config = config
-        self.kind = config, movables
+        self.kind = config, robot, movables
         """What ways depend on besides their specs."""
         self._robot = BatchedRobots(
             1,
-            Equipment(mapper=NO_MAPPER, sensors=Sensors(), movables=movables),
+            Equipment(mapper=NO_MAPPER, robot=robot, sensors=Sensors(), movables=movables),
             actions=ActionConfig(),
             observations=ObservationConfig(parts=("motion",)),
         )
-        self._explorer = GapExplorer(GapExplorerConfig())
+        self._explorer = GapExplorer(GapExplorerConfig(steering=SteeringConfig(robot=robot)))
 
     def close(self) -> None:
         """Stop the threads."""
@@ -176,7 +179,7 @@ class _Guide:
         world, start = spec.world, spec.start
         rng = np.random.default_rng(_seed(spec))
         wanted = float(rng.uniform(self._config.shortest, self._config.longest))
-        field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])
+        field = DistanceField(world.walls, world.robot_radius, start[:2])
         robot, explorer = self._robot, self._explorer
         robot.begin(0, world, start, _noise(spec))
         explorer.reset(rng)
@@ -196,7 +199,7 @@ class _Guide:
             robot.drive(commands[-1][np.newaxis])
             robot.observe()
         if math.isinf(field.distance(robot.poses[0, :2])):
-            field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
+            field = DistanceField(world.walls, world.robot_radius, start[:2], tight=True)
         return Route(
             world=world,
             commands=np.array(commands).reshape(-1, 2),

@@ -27,7 +27,7 @@ from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.place_recognition.arrivals import PlaceDatabase
 from albot_env.tasks.place_recognition.spaces import arrivals_observation
-from albot_maps import ROBOT_RADIUS, World
+from albot_maps import World
 from albot_maps.freespace import FreeSpace
 from albot_maps.geodesic import DistanceField
 from albot_maps.same_place import same_places
@@ -168,7 +168,9 @@ class _Guide:
         self, world: World, equipment: Equipment, start: Pose, rng: np.random.Generator
     ) -> None:
         self._world = world
-        self._simulator = Simulator(world, sensors=equipment.sensors, movables=False)
+        self._simulator = Simulator(
+            world, robot=equipment.robot, sensors=equipment.sensors, movables=False
+        )
         self._places = PlaceDatabase(equipment.single_mapper(rng.spawn(1)[0]))
         self._places.follow(self._simulator.reset(rng, start))
         self._path_length = 0.0
@@ -177,12 +179,10 @@ class _Guide:
     def go(self, goal: Float64[np.ndarray, "2"]) -> bool:
         """Lead the robot to a point (m, world frame); return whether there is a path."""
         simulator = self._simulator
-        field = DistanceField(self._world.walls, ROBOT_RADIUS + _ROOM, goal)
-        way = field.path(simulator.pose[:2])
+        walls, radius = self._world.walls, self._world.robot_radius
+        way = DistanceField(walls, radius, goal, spare=_ROOM).path(simulator.pose[:2])
         if not len(way):
-            way = DistanceField(self._world.walls, ROBOT_RADIUS, goal, tight=True).path(
-                simulator.pose[:2]
-            )
+            way = DistanceField(walls, radius, goal, tight=True).path(simulator.pose[:2])
         for turn in way:
             before = simulator.pose[:2]
             for reading in follow_leg(simulator, turn, THESIS_STEPS):
@@ -217,8 +217,8 @@ def _room_at(world: World, pose: Pose) -> int:
     return -1 if name is None else [room.name for room in world.rooms].index(name)
 
 
-CLEARANCE = 0.4
-"""Minimum distance of a stop from walls and from the room's outline (m)."""
+CLEARANCE = 0.15
+"""Minimum distance of the robot's body at a stop from walls and from the room's outline (m)."""
 SMALLEST = 0.15
 """Minimum area of a room, after that clearance, for a tour to stop there (m²)."""
 NEAREST = 4
@@ -260,8 +260,9 @@ class StoppingRooms:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        floor = FreeSpace(world.walls, CLEARANCE).region_at(world.starts[0, :2])
-        insides = [shapely.Polygon(room.boundary).buffer(-CLEARANCE) for room in world.rooms]
+        radius = world.robot_radius + CLEARANCE
+        floor = FreeSpace(world.walls, radius).region_at(world.starts[0, :2])
+        insides = [shapely.Polygon(room.boundary).buffer(-radius) for room in world.rooms]
         parts = [floor.intersection(inside) for inside in insides]
         self._parts = {k: part for k, part in enumerate(parts) if part.area > SMALLEST}
         if len(self._parts) < 2:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import Any, get_args
 
@@ -16,6 +17,7 @@ from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
 from albot_core.maps.layers import LAYERS
 from albot_core.plain_data import Location, read_config
 from albot_core.ranges import FROM_ONE
+from albot_core.robot import RobotConfig
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
@@ -344,6 +346,17 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
     if not isinstance(config, type(default)):
         raise InputError(where.source, f"a mapping or {type(default).__name__}", repr(config))
     return config
+
+
+def config_for_robot(config: Any, robot: RobotConfig) -> Any:
+    """Return a mapper's config with the radius of a robot as `way_home.robot_radius`, if it has it.
+
+    A mapper that finds its way home over a grid asks how wide the robot is.
+    """
+    way_home: Any = getattr(config, "way_home", None)
+    if not hasattr(way_home, "robot_radius"):
+        return config
+    return replace(config, way_home=replace(way_home, robot_radius=robot.radius))
 
 
 def _load(spec: MapperSpec, field: str) -> Any:

@@ -34,7 +34,9 @@ class Explorer(ABC):
     def reset(self, rng: np.random.Generator) -> None:
         """Reset all state, and begin with a full turn to look around."""
         self._rng = rng
-        self._grid = OccupancyGrid(OccupancyGridConfig(coverage_range=self._coverage_range))
+        radius, coverage_range = self._steering.robot.radius, self._coverage_range
+        config = OccupancyGridConfig(robot_radius=radius, coverage_range=coverage_range)
+        self._grid = OccupancyGrid(config)
         self._look_round = LookRound()
         self._stall = StallDetector()
         self._goal: Float64[np.ndarray, "2"] | None = None

@@ -49,8 +49,9 @@ class FrontierExplorer(Explorer):
         config: The steering parameters.
     """
 
-    _MIN_FRONTIER_LENGTH = 0.6
-    """Least width of a frontier (m); the robot does not fit through narrower ones."""
+    _SPARE = 0.1
+    """Least width of a frontier beyond the robot's own (m); it does not fit through narrower
+    ones."""
     _NEAR_BY = 0.4
     """Distance from a frontier at which it counts as reached (m)."""
     _APART = 0.8
@@ -98,7 +99,8 @@ class FrontierExplorer(Explorer):
         These are their positions (m, map frame), path lengths (m) and frontier numbers.
         """
         grid, cell = self._grid, self._grid.cell
-        groups = find_frontiers(*grid.window(paths), least=round(self._MIN_FRONTIER_LENGTH / cell))
+        width = 2 * self._steering.robot.radius + self._SPARE
+        groups = find_frontiers(*grid.window(paths), least=round(width / cell))
         reached = np.where(paths.lengths < 0, _FAR, paths.lengths)
         reached = ndimage.minimum_filter(reached, 2 * round(self._NEAR_BY / cell) + 1)
         rows, columns = np.nonzero((groups > 0) & (reached < _FAR))

@@ -25,12 +25,12 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 class GapExplorerConfig:
     """Parameters of the gap explorer."""
 
-    gap_width: float = 0.6
-    """Least width of a gap (m); the robot does not fit through narrower openings."""
+    gap_spare: float = 0.1
+    """Least width of a gap beyond the robot's own (m); it does not fit through narrower ones."""
     reach: float = 6.5
     """Largest distance of gaps and ground that are considered (m)."""
-    clearance: float = 0.4
-    """Least distance of a goal from obstacles (m)."""
+    clearance: float = 0.15
+    """Least distance of the robot's body at a goal from obstacles (m)."""
     turn_cost: float = 0.7
     """Cost of a turn towards the goal (m of path per radian)."""
     gain: float = 0.0
@@ -48,9 +48,19 @@ class GapExplorerConfig:
 
     def __post_init__(self) -> None:
         check_fields(
-            self, POSITIVE, "gap_width", "reach", "clearance", "coverage_range", "min_new_share"
+            self, POSITIVE, "gap_spare", "reach", "clearance", "coverage_range", "min_new_share"
         )
         check_fields(self, NOT_NEGATIVE, "turn_cost", "gain", "random_cost")
+
+    @property
+    def gap_width(self) -> float:
+        """Least width of a gap (m)."""
+        return 2 * self.steering.robot.radius + self.gap_spare
+
+    @property
+    def goal_radius(self) -> float:
+        """Least distance of a goal from obstacles (m)."""
+        return self.steering.robot.radius + self.clearance
 
 
 class GapExplorer(Explorer):
@@ -95,7 +105,7 @@ class GapExplorer(Explorer):
         gaps = find_gaps(percept.points, narrowest=config.gap_width, reach=config.reach)
         if gaps:
             centres = np.stack([gap.centre for gap in gaps])
-            hidden = np.stack([gap.beyond(2 * config.clearance) for gap in gaps])
+            hidden = np.stack([gap.beyond(2 * config.goal_radius) for gap in gaps])
             centres, hidden = percept.to_map(centres), percept.to_map(hidden)
             new = self._is_new(hidden)
             self._candidates.add(centres[new], hidden[new])
@@ -108,11 +118,11 @@ class GapExplorer(Explorer):
         config, laser = self._config, percept.laser
         distances = np.arange(1.0, config.reach, 1.0)
         beams = np.arange(0, laser.beams, max(1, round(self._FAN / laser.spacing)))
-        free = percept.ranges[beams, None] - config.clearance > distances
+        free = percept.ranges[beams, None] - config.goal_radius > distances
         fan = (laser.directions[beams, None] * distances[:, None])[free]
         fan = fan[self._is_new(percept.to_map(fan))]
         apart = fan[:, None] - percept.points
-        clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.clearance).all(axis=1)
+        clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.goal_radius).all(axis=1)
         return percept.to_map(fan[clear])
 
     def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:

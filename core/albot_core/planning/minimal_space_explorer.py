@@ -24,7 +24,7 @@ class MinimalSpaceConfig:
     """Parameters of the explorer: choice of gaps and length of moves."""
 
     gap_width: float = 0.6
-    """Gaps must be wider than this (m), as in the paper."""
+    """Gaps must be wider than this (m), as in the paper, and wider than the robot."""
     turn: float = np.radians(30.0)
     """Largest turn per move (rad), as in the paper."""
     drive: float = 3.0
@@ -106,7 +106,8 @@ class MinimalSpaceExplorer:
         turns to one side until there is one; the paper does not describe this case.
         """
         config = self._config
-        seen = find_gaps(percept.points, narrowest=config.gap_width, reach=self._REACH)
+        narrowest = max(config.gap_width, 2 * config.steering.radius)
+        seen = find_gaps(percept.points, narrowest=narrowest, reach=self._REACH)
         # Leave out a gap in which the robot already stands.
         gaps = [gap for gap in minimal_space(seen) if np.hypot(*gap.centre) > 2 * self._ARRIVED]
         if gaps and self._steps_without_progress < self._BLOCKED_STEPS:

@@ -61,7 +61,7 @@ class Navigator:
     def reset(self, rng: np.random.Generator) -> None:
         """Reset all state, with an empty grid."""
         self._seeker.reset(rng)
-        self._grid = OccupancyGrid(OccupancyGridConfig(extent=30.0))
+        self._grid = self._empty_grid()
         self._pose: Pose | None = None
         self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
         self._steps = 0
@@ -114,10 +114,14 @@ class Navigator:
         if self._pose is not None:
             expected = compose(self._pose, percept.motion)
             if np.hypot(*(percept.pose - expected)[:2]) > JUMP:
-                self._grid = OccupancyGrid(OccupancyGridConfig(extent=30.0))
+                self._grid = self._empty_grid()
                 self._steps = 0
         self._pose = percept.pose
         self._grid.integrate(percept)
+
+    def _empty_grid(self) -> OccupancyGrid:
+        radius = self._config.robot.radius
+        return OccupancyGrid(OccupancyGridConfig(robot_radius=radius, extent=30.0))
 
 
 class GoalSeeker:

@@ -21,6 +21,7 @@ from albot_core.planning.occupancy_grid_kernels import (
 )
 from albot_core.planning.percept import Percept
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.robot import PIONEER_3DX
 
 NEAR_BY = 0.5
 """Largest distance (m) between a point and the end of a path that counts as leading to it."""
@@ -44,16 +45,18 @@ class OccupancyGridConfig:
     """Largest distance at which visible ground counts as covered (m)."""
     extent: float = 40.0
     """Half the initial side of the grid (m); the grid grows as needed."""
-    radius: float = 0.28
-    """Least distance of paths from obstacles (m)."""
-    comfort_clearance: float = 0.45
-    """Distance from obstacles (m) within which a path counts twice, because the robot must be slow
-    there."""
+    robot_radius: float = PIONEER_3DX.radius
+    """Radius of the robot's body (m)."""
+    clearance: float = 0.03
+    """Least distance of the body from obstacles on a path (m)."""
+    comfort_clearance: float = 0.2
+    """Distance of the body from obstacles (m) within which a path counts twice, because the robot
+    must be slow there."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *vars(self))
-        if self.comfort_clearance < self.radius:
-            expected = f"at least the radius, {self.radius:g}"
+        if self.comfort_clearance < self.clearance:
+            expected = f"at least the clearance, {self.clearance:g}"
             raise InputError(
                 "OccupancyGridConfig.comfort_clearance", expected, f"{self.comfort_clearance:g}"
             )
@@ -91,7 +94,9 @@ class OccupancyGrid:
         half = int(np.ceil(config.extent / config.cell))
         self._grid = np.zeros((2 * half, 2 * half), np.int8)
         self._covered = np.zeros((2 * half, 2 * half), np.bool_)
-        self._radii = config.radius / config.cell, config.comfort_clearance / config.cell
+        self._comfort_radius = config.robot_radius + config.comfort_clearance
+        radii = config.robot_radius + config.clearance, self._comfort_radius
+        self._radii = radii[0] / config.cell, radii[1] / config.cell
         self._seen = np.zeros((2, 2))
 
     @property
@@ -144,7 +149,7 @@ class OccupancyGrid:
             unknown_is_free: Whether unseen ground counts as free.
             goal: The goal (m, map frame); None for all ground.
         """
-        margin = self._UNKNOWN_MARGIN if unknown_is_free else self._config.comfort_clearance
+        margin = self._UNKNOWN_MARGIN if unknown_is_free else self._comfort_radius
         low, high = self._window(pose[:2], goal, margin)
         window = np.ascontiguousarray(self._grid[low[0] : high[0], low[1] : high[1]])
         parents = np.empty(window.shape, np.int64)

@@ -22,6 +22,7 @@ from albot_core.planning.steering import (
     free_distances,
 )
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.robot import PIONEER_3DX, RobotConfig
 from albot_core.sensing.reading import SonarGeometry
 
 _AHEAD = len(DIRECTIONS) // 2
@@ -67,7 +68,7 @@ class SonarDriver:
 
     Args:
         config: How it drives.
-        steering: How closely it passes things, and how it brakes.
+        robot: Body and drive of the robot.
     """
 
     _TURNED = math.radians(3.0)
@@ -82,11 +83,11 @@ class SonarDriver:
     def __init__(
         self,
         config: SonarDriverConfig = SonarDriverConfig(),
-        steering: SteeringConfig | None = None,
+        robot: RobotConfig = PIONEER_3DX,
     ) -> None:
         self._config = config
-        # The body and the least clearance: echoes are misplaced, and doors are 0.9 m wide.
-        self._steering = steering or SteeringConfig(radius=0.265)
+        # The least clearance: echoes are misplaced, and doors are 0.9 m wide.
+        self._steering = SteeringConfig(robot=robot, clearance=0.015)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew."""

@@ -18,6 +18,7 @@ from albot_core.geometry.pose_kernels import length_of, wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.robot import PIONEER_3DX, RobotConfig
 
 Command = Float64[np.ndarray, "2"]
 """Speed (m/s) and turn rate (rad/s, counter-clockwise)."""
@@ -41,22 +42,22 @@ _PIECES = 4
 
 @dataclass(frozen=True, kw_only=True)
 class SteeringConfig:
-    """Steering parameters: clearances, speeds and braking."""
+    """Steering parameters: the robot, its clearances, speeds and braking."""
 
-    radius: float = 0.33
-    """Radius of the robot with its clearance (m)."""
-    tight_radius: float = 0.28
-    """Radius with clearance (m) if no free direction near the target's exists otherwise."""
+    robot: RobotConfig = PIONEER_3DX
+    """Body and drive of the robot."""
+    clearance: float = 0.08
+    """Distance that its body keeps from obstacles (m)."""
+    tight_clearance: float = 0.03
+    """The same (m) if no free direction near the target's exists otherwise."""
     lookahead: float = 1.0
     """Least free distance in a chosen direction (m)."""
     braking: float = 0.5
     """Deceleration for which the speed leaves space (m/s²)."""
-    body: float = 0.25
-    """Radius of the robot's body (m)."""
     speed: float = 1.0
-    """Largest speed (m/s)."""
+    """Largest speed (m/s), if the robot is not slower."""
     turn_rate: float = 2.0
-    """Largest turn rate (rad/s)."""
+    """Largest turn rate (rad/s), if the robot is not slower."""
     min_speed: float = 0.3
     """Speed at an obstacle that almost touches the robot (m/s)."""
     speed_per_metre: float = 2.5
@@ -67,24 +68,43 @@ class SteeringConfig:
     """Angle to the direction above which the robot turns on the spot (rad)."""
     margin: float = 0.04
     """Least distance from obstacles if the robot brakes after the command (m)."""
-    acceleration: float = 1.0
-    """Largest acceleration of a wheel, that of a Pioneer 3-DX (m/s²)."""
-    wheel_base: float = 0.33
-    """Distance between its driven wheels (m)."""
     step: float = 0.1
     """Duration of a control step (s)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, *(field.name for field in fields(self)))
+        names = (field.name for field in fields(self))
+        check_fields(self, POSITIVE, *(name for name in names if name != "robot"))
+
+    @property
+    def radius(self) -> float:
+        """Radius of the robot with its clearance (m)."""
+        return self.robot.radius + self.clearance
 
     @cached_property
     def limits(self) -> Limits:
         """The parameters as a tuple for compiled loops."""
-        return Limits(*(getattr(self, name) for name in Limits._fields))
+        robot = self.robot
+        return Limits(
+            radius=self.radius,
+            tight_radius=robot.radius + self.tight_clearance,
+            lookahead=self.lookahead,
+            braking=self.braking,
+            body=robot.radius,
+            speed=min(self.speed, robot.max_speed),
+            turn_rate=min(self.turn_rate, robot.max_turn_rate),
+            min_speed=self.min_speed,
+            speed_per_metre=self.speed_per_metre,
+            gain=self.gain,
+            turn_on_spot_angle=self.turn_on_spot_angle,
+            margin=self.margin,
+            acceleration=robot.acceleration,
+            wheel_base=robot.wheel_base,
+            step=self.step,
+        )
 
 
 class Limits(NamedTuple):
-    """The parameters of `SteeringConfig`, in the same order."""
+    """The parameters of `SteeringConfig` and of its robot."""
 
     radius: float
     tight_radius: float

@@ -22,8 +22,8 @@ from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Room, Wo
 _NUMBER = (int, float)
 
 
-def read_house_json(path: Path) -> World:
-    """Return the world in a HouseExpo file.
+def read_house_json(path: Path, robot_radius: float) -> World:
+    """Return the world in a HouseExpo file, for a robot of this radius (m).
 
     A room is the part of its box inside the house. Where boxes overlap, a point belongs to
     the smallest. Rooms that a robot cannot reach are left out, and a note names them.
@@ -51,6 +51,7 @@ def read_house_json(path: Path) -> World:
         exits=(),
         notes=notes,
         source=str(path),
+        robot_radius=robot_radius,
     )
 
 

@@ -43,8 +43,8 @@ class _Portal:
     point: shapely.Point | None
 
 
-def read_plan_xml(path: Path) -> World:
-    """Return the world in an XML floor plan.
+def read_plan_xml(path: Path, robot_radius: float) -> World:
+    """Return the world in an XML floor plan, for a robot of this radius (m).
 
     Doors are 0.9 m wide. The start lies at the widest place of the largest connected part.
     Spaces that cannot be reached from there keep their walls but are not rooms; the world's
@@ -66,6 +66,7 @@ def read_plan_xml(path: Path) -> World:
         exits=plan.exits(spaces, doors),
         notes=tuple(plan.notes),
         source=str(path),
+        robot_radius=robot_radius,
     )
 
 

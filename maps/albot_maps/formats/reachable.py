@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
 from albot_maps.freespace import FreeSpace, widest_place
-from albot_maps.world import LARGEST_COORDINATE, METRES, ROBOT_RADIUS, Exit, Room, World
+from albot_maps.world import LARGEST_COORDINATE, METRES, Exit, Room, World
 
 
 def reachable_world(
@@ -22,8 +22,9 @@ def reachable_world(
     exits: tuple[Exit, ...],
     notes: tuple[str, ...],
     source: str,
+    robot_radius: float,
 ) -> World:
-    """Return the world of a plan that states no start.
+    """Return the world of a plan that states no start, for a robot of this radius (m).
 
     The start is the centre of the widest place in the largest connected part of the rooms. Rooms
     that the robot cannot reach from there keep their walls, but they and their exits are left
@@ -33,7 +34,7 @@ def reachable_world(
         InputError: A wall is beyond `LARGEST_COORDINATE`, or the robot fits in no room.
     """
     check_coordinates(walls, source)
-    space = FreeSpace(walls, ROBOT_RADIUS)
+    space = FreeSpace(walls, robot_radius)
     outlines = [shapely.Polygon(room.boundary) for room in rooms]
     start, region = _start(space, shapely.unary_union(outlines), source)
     reached = {
@@ -52,6 +53,7 @@ def reachable_world(
         exits=tuple(opening for opening in exits if reached.issuperset(opening.rooms)),
         notes=notes,
         source=source,
+        robot_radius=robot_radius,
     )
 
 
@@ -113,7 +115,6 @@ def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose
     part = max(parts, key=lambda part: float(part.area), default=shapely.Polygon())
     centre = widest_place(part) if part.area else None
     if centre is None or not space.is_clear(centre):
-        raise InputError(
-            source, f"a room with space for a robot of radius {ROBOT_RADIUS} m", "none"
-        )
+        expected = f"a room with space for a robot of radius {space.radius:g} m"
+        raise InputError(source, expected, "none")
     return np.array([*centre, 0.0]), region

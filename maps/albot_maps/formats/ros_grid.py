@@ -22,7 +22,7 @@ from albot_core.yaml_document import YamlDocument, format_value
 from albot_maps.formats.picture import find_picture, read_shades
 from albot_maps.formats.reachable import LEAST_SHARE, OPEN
 from albot_maps.freespace import MARGIN
-from albot_maps.world import LARGEST_COORDINATE, ROBOT_RADIUS, World
+from albot_maps.world import LARGEST_COORDINATE, World
 
 Cells = Bool[np.ndarray, "rows columns"]
 """One boolean per cell; the first row is the lowest on the map."""
@@ -54,8 +54,10 @@ class _Description:
         return np.asarray(inverse(self.origin)[:2] / self.resolution)
 
 
-def read_ros_grid(document: YamlDocument, path: Path) -> World:
-    """Return the world of a map_server map, whose YAML is `document`, read from `path`.
+def read_ros_grid(document: YamlDocument, path: Path, robot_radius: float) -> World:
+    """Return the world of a map_server map, for a robot of this radius (m).
+
+    `document` is the map's YAML, read from `path`.
 
     Even a single occupied cell is kept: it may be a table's leg. Every wall lies within one cell
     of an occupied cell's edge, and every such edge within one cell of a wall. Unknown cells are
@@ -70,13 +72,14 @@ def read_ros_grid(document: YamlDocument, path: Path) -> World:
     if not occupied.any():
         raise InputError(description.picture, "at least one occupied cell", "none")
     walls = trace_cells(occupied, description.picture) * description.resolution
-    start, notes = _start(occupied, free, description)
+    start, notes = _start(occupied, free, description, robot_radius)
     return World(
         name=path.stem,
         walls=transform_segments(description.origin, walls),
         starts=np.array([[*transform_points(description.origin, start), 0.0]]),
         notes=(*description.notes, *notes),
         source=str(path),
+        robot_radius=robot_radius,
     )
 
 
@@ -128,7 +131,7 @@ def _runs(
 
 
 def _start(
-    occupied: Cells, free: Cells, description: _Description
+    occupied: Cells, free: Cells, description: _Description, robot_radius: float
 ) -> tuple[Float64[np.ndarray, "2"], tuple[str, ...]]:
     """Return the start (m, from the lower left corner of the map), and notes about it.
 
@@ -140,12 +143,12 @@ def _start(
     lies among the walls all the same.
     """
     notes: tuple[str, ...] = ()
-    parts = _Parts(free, description)
+    parts = _Parts(free, description, robot_radius)
     if not free.any():  # As where all but the walls is transparent.
-        parts = _Parts(~occupied, description)
+        parts = _Parts(~occupied, description, robot_radius)
         notes = ("no cell is free; the start is on unknown ones",)
     inside = parts.inside
-    for among in (_hull(occupied), _near(occupied, description.resolution)):
+    for among in (_hull(occupied), _near(occupied, description.resolution, robot_radius)):
         near_walls = parts.areas(among)
         within = np.where(inside, parts.areas(), 0)
         if within.max(initial=0) >= LEAST_SHARE * max(1, near_walls.max(initial=0)):
@@ -154,7 +157,7 @@ def _start(
             return parts.widest(home if large else 1 + int(np.argmax(within))), notes
         if near_walls.max(initial=0):
             return parts.widest(1 + int(np.argmax(near_walls)), among), (*notes, OPEN)
-    expected = f"free cells with room for a robot of radius {ROBOT_RADIUS} m"
+    expected = f"free cells with room for a robot of radius {robot_radius:g} m"
     raise InputError(description.picture, expected, "none")
 
 
@@ -169,13 +172,15 @@ class _Parts:
     Args:
         free: The cells on which it may drive.
         description: The map.
+        robot_radius: Radius of the robot (m).
     """
 
-    def __init__(self, free: Cells, description: _Description) -> None:
+    def __init__(self, free: Cells, description: _Description, robot_radius: float) -> None:
+        self._robot_radius = robot_radius
         self._resolution = resolution = description.resolution
         self._clearance = _depths(free)
         # A traced wall may lie one cell away from the cells that it represents.
-        roomy = self._clearance * resolution > ROBOT_RADIUS + 2 * resolution
+        roomy = self._clearance * resolution > robot_radius + 2 * resolution
         self._labels, self.count = ndimage.label(roomy)
         self._free = free
 
@@ -186,7 +191,7 @@ class _Parts:
         passable = np.ones_like(self._free)
         if not self._free.all():
             apart = ndimage.distance_transform_edt(self._free)
-            passable = apart * self._resolution > ROBOT_RADIUS
+            passable = apart * self._resolution > self._robot_radius
         joined, count = ndimage.label(passable)
         leaves = np.zeros(count + 1, np.bool_)
         for edge in (joined[0], joined[-1], joined[:, 0], joined[:, -1]):
@@ -232,9 +237,9 @@ def _hull(occupied: Cells) -> Cells:
     return np.asarray(shapely.contains_xy(hull, x, y))
 
 
-def _near(occupied: Cells, resolution: float) -> Cells:
+def _near(occupied: Cells, resolution: float, robot_radius: float) -> Cells:
     """Return the cells in the rectangle around the occupied cells, widened as in `FreeSpace`."""
-    margin = int((MARGIN - 1) * ROBOT_RADIUS / resolution)
+    margin = int((MARGIN - 1) * robot_radius / resolution)
     near = np.zeros_like(occupied)
     rows, columns = np.nonzero(occupied)
     row, column = max(0, rows.min() - margin), max(0, columns.min() - margin)

@@ -27,7 +27,7 @@ from albot_maps.formats.reachable import check_coordinates, start_within
 from albot_maps.formats.ros_grid import Cells, trace_cells
 from albot_maps.formats.stage_text import Model, StageText, Value
 from albot_maps.freespace import FreeSpace
-from albot_maps.world import ROBOT_RADIUS, SHORTEST_WALL, World
+from albot_maps.world import SHORTEST_WALL, World
 
 _SOLID_TYPES = {"model", "floorplan"}
 """Types that are obstacles; Stage's other types are robots and their parts."""
@@ -48,8 +48,8 @@ _LOWEST = 0.05
 """A model that robots do not touch and that is lower than this (m) is a mark on the floor."""
 
 
-def read_stage_world(path: Path) -> World:
-    """Return the world in a Stage file.
+def read_stage_world(path: Path, robot_radius: float) -> World:
+    """Return the world in a Stage file, for a robot of this radius (m).
 
     Skipped, with a note each, are included files that are missing, models of the types that
     these would define, robots, and sensors. A note tells which models are walls because rangers
@@ -72,7 +72,7 @@ def read_stage_world(path: Path) -> World:
         raise found.dropped_plan
     everything = np.concatenate([body.walls for body in found.bodies])
     check_coordinates(everything, path)
-    start, notes = _start(everything, found, path)
+    start, notes = _start(FreeSpace(everything, robot_radius), found, path)
     return World(
         name=path.stem,
         walls=everything,
@@ -80,18 +80,18 @@ def read_stage_world(path: Path) -> World:
         starts=np.array([[*start, 0.0]]),
         notes=(*found.notes, *notes),
         source=str(path),
+        robot_radius=robot_radius,
     )
 
 
 def _start(
-    walls: Segments, found: _Contents, path: Path
+    space: FreeSpace, found: _Contents, path: Path
 ) -> tuple[Float64[np.ndarray, "2"], tuple[str, ...]]:
     """Return the start, in no solid body, and notes about it.
 
     Raises:
         InputError: No robot has room.
     """
-    space = FreeSpace(walls, ROBOT_RADIUS)
     middles = np.array([region.representative_point().coords[0] for region in space.regions])
     solid = np.zeros(len(middles), np.bool_)
     for body in found.bodies:
@@ -99,7 +99,8 @@ def _start(
     open_regions = [region for region, shut in zip(space.regions, solid, strict=True) if not shut]
     chosen = start_within(space, open_regions, found.homes)
     if chosen is None:
-        raise InputError(path, f"walls with room for a robot of radius {ROBOT_RADIUS} m", "none")
+        expected = f"walls with room for a robot of radius {space.radius:g} m"
+        raise InputError(path, expected, "none")
     return chosen
 
 

@@ -29,7 +29,15 @@ from albot_maps.movables import (
     Movables,
     Walker,
 )
-from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Room, World
+from albot_maps.world import (
+    LARGEST_COORDINATE,
+    METRES,
+    ROBOT_RADIUS,
+    SHORTEST_WALL,
+    Exit,
+    Room,
+    World,
+)
 
 Thing = TypeVar("Thing", Door, Box, Walker)
 
@@ -41,16 +49,21 @@ _OPENING = f"an angle from {_LEAST} to {_MOST} degrees, or from -{_MOST} to -{_L
 """What is expected of a door's `opening`, which the file has in degrees."""
 
 
-def parse_world(text: str, *, source: str) -> World:
+def parse_world(text: str, *, source: str, robot_radius: float = ROBOT_RADIUS) -> World:
     """Return the world in the text of an `albot-world` file; `source` names the text in errors.
+
+    It is checked for a robot of this radius (m).
 
     Raises:
         InputError: The text is not such a file, or its world is invalid; the place is the line.
     """
-    return world_from_document(YamlDocument(text, source), source=source)
+    document = YamlDocument(text, source)
+    return world_from_document(document, source=source, robot_radius=robot_radius)
 
 
-def world_from_document(document: YamlDocument, *, source: str) -> World:
+def world_from_document(
+    document: YamlDocument, *, source: str, robot_radius: float = ROBOT_RADIUS
+) -> World:
     """Return the world in the document of an `albot-world` file; raises as `parse_world` does."""
     _check_schema(document, source)
     data = document.data
@@ -80,6 +93,7 @@ def world_from_document(document: YamlDocument, *, source: str) -> World:
             notes=tuple(data.get("notes", ())),
             movables=movables,
             source=source,
+            robot_radius=robot_radius,
         )
     except InputError as error:
         place = document.place(_path_in_file(error.place, data))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 GAP = 75
-"""Narrowest passage (cm) between two objects; the robot is 50 cm wide."""
+"""Narrowest passage (cm) between two objects; the Pioneer is 50 cm wide."""
 _TRIES = 4
 """Number of attempts to place each requested piece."""
 

@@ -61,11 +61,11 @@ class Plan:
         """Add a solid polygon to the floor; it must not touch anything else."""
         self._outlines.append(corners)
 
-    def world(self, name: str, source: str, start: Corner) -> World:
+    def world(self, name: str, source: str, start: Corner, robot_radius: float) -> World:
         """Return the finished plan as a world, with `start` facing along x.
 
         Raises:
-            InputError: The plan is not a valid world.
+            InputError: The plan is not a valid world for a robot of this radius (m).
         """
         return World(
             name=name,
@@ -77,6 +77,7 @@ class Plan:
                 for name, line, rooms in self._exits
             ),
             source=source,
+            robot_radius=robot_radius,
         )
 
     def _add_exit(self, letter: str, line: Box, rooms: tuple[str, str]) -> None:

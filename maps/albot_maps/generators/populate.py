@@ -16,7 +16,7 @@ from albot_maps.freespace import FreeSpace, floor_at, wall_lines
 from albot_maps.generators.parameters import Parameters
 from albot_maps.generators.plan import WALL, Sampler
 from albot_maps.movables import TOLERANCE, Box, Door, Movables, Point, Walker
-from albot_maps.world import ROBOT_RADIUS, Exit, World
+from albot_maps.world import Exit, World
 
 _START_SPARE = 0.05
 """Extra distance of a start from walls beyond the robot's radius (m)."""
@@ -38,7 +38,7 @@ def scatter_starts(world: World, parameters: Parameters, sampler: Sampler) -> Wo
     wanted = parameters.starts
     if wanted == 1:
         return world
-    free = FreeSpace(world.walls, ROBOT_RADIUS + _START_SPARE).region_at(world.starts[0, :2])
+    free = FreeSpace(world.walls, world.robot_radius + _START_SPARE).region_at(world.starts[0, :2])
     shapely.prepare(free)
     x1, y1, x2, y2 = (round(100 * bound) for bound in free.bounds)
     starts = [world.starts[0]]
@@ -115,7 +115,7 @@ class _Placer:
                 sweep = door.sweep
                 inner = sweep.buffer(-TOLERANCE)
                 if (
-                    sweep.distance(self._starts) > ROBOT_RADIUS + _SPARE
+                    sweep.distance(self._starts) > self._world.robot_radius + _SPARE
                     and not self._walls.intersects(inner)
                     and not any(sweep.intersects(other) for other in sweeps)
                 ):

@@ -13,7 +13,7 @@ from albot_core.errors import InputError, did_you_mean
 from albot_maps.generators.parameters import Parameters
 from albot_maps.generators.plan import Sampler
 from albot_maps.generators.populate import populate, scatter_starts
-from albot_maps.world import World
+from albot_maps.world import ROBOT_RADIUS, World
 
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """The kinds of random worlds."""
@@ -46,16 +46,18 @@ class RandomSpec:
         )
         return f"{PREFIX}{self.kind}:{self.seed}{'?' if asked else ''}{asked}"
 
-    def make(self) -> World:
+    def make(self, robot_radius: float = ROBOT_RADIUS) -> World:
         """Generate the world; a spec gives the same world on every machine.
 
+        The walls depend on the spec alone, starts and movables also on the robot's radius (m).
+
         Raises:
-            InputError: What the parameters request does not fit.
+            InputError: What the parameters request does not fit, or the robot does not fit.
         """
         draw = getattr(_module(self.kind), f"draw_{self.kind}")
         sampler = Sampler(np.random.Generator(np.random.PCG64(self.seed)))
         plan, start = draw(self.parameters, sampler, str(self))
-        world = plan.world(f"{self.kind}-{self.seed}", str(self), start)
+        world = plan.world(f"{self.kind}-{self.seed}", str(self), start, robot_radius)
         return populate(scatter_starts(world, self.parameters, sampler), self.parameters, sampler)
 
 

@@ -17,8 +17,9 @@ from albot_agents.registry import make_agent
 from albot_core.errors import InputError
 from albot_core.planning.frontier_explorer import find_frontiers
 from albot_core.planning.grid_search import BLOCKED, FREE
+from albot_core.robot import ROBOTS
 from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
-from albot_maps import World
+from albot_maps import World, load_world
 
 assert albot_env.__doc__  # Importing it registers the environments.
 
@@ -152,3 +153,13 @@ def test_where_no_time_is_shown_it_says_so() -> None:
     agent = make_agent("round-trip")
     with pytest.raises(InputError, match="round-trip: expected observations with the part time"):
         agent.reset(np.random.default_rng(1), Box(-1, 1, (3,), np.float32))
+
+
+@pytest.mark.parametrize("agent", ["gap-explorer", "nearest-frontier"])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_no_robot_touches_anything_in_a_world_made_for_it(agent: str, robot: str) -> None:
+    world = load_world("random:office:4?rooms=6&door_width=1.1", ROBOTS[robot].radius)
+    info = _explore(world, 600, 1, agent=agent, mapper="none", robot=robot)
+    assert info["contacts"] == 0
+    assert info["rooms_entered"] > 1
+    assert info["path_length"] > 15.0

@@ -162,6 +162,20 @@ def test_what_it_never_learnt_to_act_with_is_said(path: Path) -> None:
     assert find_agent("oracle").untrained_settings({"mapper": "albot1"}) == ()
 
 
+def test_it_remembers_the_robot_that_it_was_trained_with(tmp_path: Path) -> None:
+    kept = kept_settings(TASK, {"mapper": "odometry", "robot": "kobuki"}, SEEN)
+    file = replace(_agent(), settings=kept)
+    file.save(tmp_path / "a.albot")
+    write_card(file, "a", tmp_path / "a.md")
+    assert "| robot | `kobuki` |" in (tmp_path / "a.md").read_text()
+    assert file.environment(TASK, {})["robot"] == "kobuki"
+    assert file.environment(TASK, {"robot": "peoplebot"})["robot"] == "peoplebot"
+    entry = find_agent(str(tmp_path / "a.albot"))
+    other = ("robot peoplebot (trained with kobuki)",)
+    assert entry.untrained_settings({"robot": "peoplebot"}) == other
+    assert find_agent("homing").untrained_settings({"robot": "pioneer-3dx"}) == ()
+
+
 def test_its_mapper_s_thresholds_are_kept_but_not_for_another_mapper() -> None:
     settings = {"mapper": "albot1", "mapper_config": {"view_spacing": 0.5}}
     kept = kept_settings(TASK, settings, ObservationConfig())

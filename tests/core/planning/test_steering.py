@@ -20,4 +20,4 @@ def test_many_small_steps_past_a_corner_do_not_end_in_touching_it(bearing: float
         motion = np.array((speed * config.step, 0.0, turn_rate * config.step))
         points = transform_points(inverse(motion), points)
         nearest = min(nearest, float(np.hypot(*points[0])))
-    assert nearest > config.body + 0.01
+    assert nearest > config.robot.radius + 0.01

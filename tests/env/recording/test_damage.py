@@ -126,13 +126,14 @@ def _sonar(**changes: object) -> dict[str, object]:
 
 def _header(**changes: object) -> bytes:
     header = {
-        "format": 3,
+        "format": 4,
         "environment": "Albot/Explore-v0",
         "world": "w",
         "walls": [[0, 0, 1, 0]],
         "start": [0, 0, 0],
         "mapper": "odometry",
         "odometer": "ideal",
+        "robot_radius": 0.25,
         "agent": "a",
         "seed": 1,
         "laser": {

@@ -32,6 +32,7 @@ HEADER = EpisodeHeader(
     start=np.zeros(3),
     mapper="odometry",
     odometer="ideal",
+    robot_radius=0.25,
     seed=None,
     laser=LASER,
     sonar=SONAR,

@@ -12,6 +12,7 @@ from gymnasium.wrappers import HumanRendering
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from PIL import Image
 from rich.console import Console
 
@@ -24,6 +25,7 @@ from albot_core.maps.layers import (
     PlaceNode,
     SegmentsLayer,
 )
+from albot_env.rendering import canvas
 from albot_env.rendering.canvas import (
     ACCENT,
     BACKGROUND,
@@ -63,6 +65,7 @@ def made_frame() -> Frame:
         agent="homing",
         world="room",
         mapper="albot1",
+        robot_radius=0.25,
         steps=832,
         time=83.25,
         path_length=4.0,
@@ -393,3 +396,27 @@ def test_a_display_that_does_not_open_is_said(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonesuch")
     with pytest.raises(InputError, match="expected a display that opens"):
         Window("test")
+
+
+@pytest.mark.parametrize("radius", [0.5, 1.0, 1.5])
+def test_the_robot_is_drawn_with_its_radius(
+    frame: Frame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, radius: float
+) -> None:
+    seen = replace(frame, robot_radius=radius, hits=np.empty((0, 2)), pose=np.array((5.0, 5.0, 0)))
+    pixels = paint_array(lay_out(seen))
+    half = pixels[:, : pixels.shape[1] // 2]
+    walls = np.flatnonzero((half == canvas.PALETTE["wall"]).all(axis=2).sum(axis=1) > 200)
+    rows = np.flatnonzero((half == canvas.PALETTE["robot"]).all(axis=2).any(axis=1))
+    rows = rows[rows < walls[-1]]  # Below is the legend.
+    share = (rows[-1] - rows[0]) / (walls[-1] - walls[0])
+    assert share == pytest.approx(2 * radius / 10, abs=0.01)
+    figures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda its, *_, **__: figures.append(its))
+    save_picture(seen, tmp_path / "a.png")
+    edges = [
+        patch
+        for axes in figures[0].axes
+        for patch in axes.patches
+        if isinstance(patch, Circle) and patch.center == (5.0, 5.0)
+    ]
+    assert [edge.radius for edge in edges] == [radius]

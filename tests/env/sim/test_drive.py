@@ -1,52 +1,19 @@
-"""What the wheels can do, and robots that share a space."""
+"""How the wheels speed up, and robots that share a space."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_core.errors import InputError
-from albot_env.sim import PIONEER_3DX, RobotConfig, Sensors
+from albot_core.robot import STANDSTILL, Wheels
+from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.batch_simulator import BatchSimulator
-from albot_env.sim.drive import STANDSTILL, Wheels, ramped
+from albot_env.sim.drive import ramped
 from albot_env.sim.physics import MAX_ROBOTS, PHYSICS_STEP
 from albot_maps.world import World
 
-any_number = st.floats(allow_nan=False, allow_infinity=False)
 wheel_speed = st.floats(-PIONEER_3DX.max_speed, PIONEER_3DX.max_speed)
-
-
-@settings(deadline=None)
-@given(speed=any_number, turn_rate=any_number)
-def test_no_command_asks_more_of_a_wheel_than_it_can(speed: float, turn_rate: float) -> None:
-    wheels = PIONEER_3DX.wheels_for(speed, turn_rate)
-    assert max(map(abs, wheels)) <= PIONEER_3DX.max_speed * (1 + 1e-12)
-    assert abs(PIONEER_3DX.motion_of(wheels)[1]) <= PIONEER_3DX.max_turn_rate * (1 + 1e-12)
-
-
-@settings(deadline=None)
-@given(left=any_number, right=any_number)
-def test_wheel_speeds_are_limited_too(left: float, right: float) -> None:
-    wheels = PIONEER_3DX.limited(Wheels(left, right))
-    assert max(map(abs, wheels)) <= PIONEER_3DX.max_speed
-    assert abs(PIONEER_3DX.motion_of(wheels)[1]) <= PIONEER_3DX.max_turn_rate * (1 + 1e-12)
-
-
-@settings(deadline=None)
-@given(speed=st.floats(-0.7, 0.7), turn_rate=st.floats(-5.0, 5.0))
-def test_a_possible_command_is_obeyed_as_it_is(speed: float, turn_rate: float) -> None:
-    motion = PIONEER_3DX.motion_of(PIONEER_3DX.wheels_for(speed, turn_rate))
-    assert motion == pytest.approx((speed, turn_rate), abs=1e-12)
-
-
-def test_a_command_too_fast_for_the_outer_wheel_keeps_its_curve() -> None:
-    speed, turn_rate = PIONEER_3DX.motion_of(PIONEER_3DX.wheels_for(1.6, 3.0))
-    assert speed < 1.6
-    assert turn_rate / speed == pytest.approx(3.0 / 1.6)
 
 
 @settings(deadline=None)
@@ -62,14 +29,6 @@ def test_a_ramp_changes_no_wheel_faster_than_the_acceleration_and_arrives(
             assert abs(now - before) <= possible + 1e-12
         wheels = Wheels(*after)
     assert wheels == target
-
-
-@pytest.mark.parametrize(
-    ("field", "value"), [("radius", 0.0), ("mass", -1.0), ("grip", math.nan), ("cruise_speed", 2.0)]
-)
-def test_impossible_robots_are_refused(field: str, value: float) -> None:
-    with pytest.raises(InputError, match=f"RobotConfig.{field}: expected"):
-        RobotConfig(**{field: value})
 
 
 def batch_in(world: World, starts: np.ndarray) -> BatchSimulator:

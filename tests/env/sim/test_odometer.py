@@ -9,8 +9,8 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
+from albot_core.robot import Wheels
 from albot_env.sim import ODOMETERS, PIONEER_3DX, OdometerConfig
-from albot_env.sim.drive import Wheels
 from albot_env.sim.odometer import COUNTS, ODOMETER_DRAWS, read_odometer, roll_wheels
 
 BASE = PIONEER_3DX.wheel_base

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from albot_core.errors import InputError
+from albot_core.robot import Wheels
 from albot_env.sim import ODOMETERS, PIONEER_3DX, OdometerConfig
-from albot_env.sim.drive import Wheels
 from albot_env.sim.odometer import CASTER_PIVOT, CASTER_TRAIL, COUNTS, MORE, caster_angle_after
 from tests.env.sim.test_odometer import Odometer
 

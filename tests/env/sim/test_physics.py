@@ -12,10 +12,10 @@ import pytest
 
 from albot_benchmarks.laser import floor_plan
 from albot_core.geometry.types import Points, Segments
+from albot_core.robot import Wheels
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim import physics as physics_module
 from albot_env.sim.batch_simulator import BatchSimulator
-from albot_env.sim.drive import Wheels
 from albot_env.sim.physics import PhysicsSpace
 from albot_env.sim.simulator import SUBSTEPS
 from albot_maps import load_world

@@ -202,7 +202,7 @@ class Wayfinding:
     """
 
     def __init__(self, config: WayfindingConfig, coverage: CoverageConfig, extent: float) -> None:
-        self._coverage, self._search = coverage, config.search
+        self._coverage, self._search = coverage, config.search(0.25)
         self._params = config.occupancy(coverage)
         self._occupancy = with_occupancy(empty_occupancy(1), 0, config.side(extent))
 

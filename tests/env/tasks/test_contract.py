@@ -13,7 +13,10 @@ from gymnasium.utils.env_checker import check_env
 
 import albot_env
 from albot_core.errors import InputError
+from albot_core.plain_data import to_plain
+from albot_core.robot import ROBOTS
 from albot_env.tasks.core.settings import check_seed
+from albot_maps import World
 from albot_maps.generators.spec import KINDS
 from tests.env import quick
 
@@ -292,3 +295,39 @@ def test_gymnasium_finds_nothing_wrong_where_there_is_no_display(
         monkeypatch.delenv(name, raising=False)
     check_env(_make(environment).unwrapped)
     assert "nobody sees the window" in caplog.text
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("environment", quick.IDS)
+def test_every_robot_does_every_task(environment: str, robot: str) -> None:
+    env, twin = _make(environment, robot=robot), _make(environment, robot=to_plain(ROBOTS[robot]))
+    assert env.get_wrapper_attr("robot_config") == ROBOTS[robot]
+    seen = _rollout(env, 2, 30)
+    assert _same(seen, _rollout(twin, 2, 30))
+    batch = gymnasium.make_vec(
+        environment,
+        num_envs=2,
+        **{"world": quick.LOOP, "mapper": "odometry", **quick.SETTINGS.get(environment, {})},
+        robot=robot,
+    )
+    observations, _ = batch.reset(seed=2)
+    assert _same(observations[0], seen[0][0])
+    assert batch.get_attr("robot_config") == (ROBOTS[robot],) * 2
+
+
+@pytest.mark.parametrize("environment", quick.IDS)
+def test_a_robot_too_wide_for_the_world_is_refused(environment: str) -> None:
+    with pytest.raises(InputError, match=r"random:office:1.*that a robot of radius 0.46 m reaches"):
+        gymnasium.make(environment, world="random:office:1", robot={"radius": 0.46})
+    with pytest.raises(InputError, match=r"robot: expected one of pioneer-3dx, kobuki, peoplebot"):
+        gymnasium.make(environment, robot="pioneer")
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_robot_stops_where_its_body_meets_the_wall(robot: str, two_rooms: World) -> None:
+    env = gymnasium.make("Albot/Explore-v0", world=two_rooms, mapper="none", robot=robot)
+    env.reset(seed=1, options={"start": (2.0, 1.0, np.pi)})
+    for _ in range(60):
+        *_, info = env.step(np.array((1.0, 0.0, -1.0), np.float32))
+    assert info["collided"]
+    assert info["pose"][0] == pytest.approx(ROBOTS[robot].radius, abs=0.01)

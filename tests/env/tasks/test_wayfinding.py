@@ -83,7 +83,7 @@ def test_it_leads_round_the_end_of_a_wall_in_view() -> None:
     """From (5, 0) to home the way past the wall's end (2.5, 3) is √(2.5² + 3²) twice."""
     walls = np.array((*FAR_WALL, (2.5, -7.5, 2.5, 3.0)))
     ways = _seen((5.0, 0.0, np.pi), walls).ways
-    around = 2 * np.hypot(2.5, 3.0 + CONFIG.radius)
+    around = 2 * np.hypot(2.5, 3.0 + 0.25 + CONFIG.clearance)
     assert np.isnan(ways.shortcut(0.9 * around * CONFIG.worth)).all()
     x, y = ways.shortcut(1.25 * around * CONFIG.worth)
     assert x > 2.4
@@ -181,7 +181,7 @@ def test_ground_not_covered_is_looked_for_farther_and_farther(last, is_found) ->
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"worth": 0.9}, {"worth": np.nan}, {"every": 0}, {"cell": 0.0}, {"wide": 0.2},
+        {"worth": 0.9}, {"worth": np.nan}, {"every": 0}, {"cell": 0.0}, {"comfort_clearance": 0.02},
         {"margin": 0.5}, {"first": 0.3}, {"last": 7.0},
     ],
 )  # fmt: skip
@@ -189,7 +189,7 @@ def test_settings_that_are_none_are_refused(wrong) -> None:
     with pytest.raises(InputError, match=rf"WayfindingConfig\.{next(iter(wrong))}"):
         WayfindingConfig(**wrong)
     with pytest.raises(InputError, match=r"OccupancyGridConfig\.comfort_clearance"):
-        OccupancyGridConfig(comfort_clearance=0.1)
+        OccupancyGridConfig(comfort_clearance=0.02)
 
 
 def test_a_batch_shows_what_a_single_one_shows() -> None:

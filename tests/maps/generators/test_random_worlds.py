@@ -381,3 +381,38 @@ def shown_range(allowed: ParameterRange) -> str:
         return "true, false"
     zero = "0, " if allowed.zero else ""
     return f"{zero}{allowed.minimum:g}–{allowed.maximum:g} {allowed.unit}".rstrip()
+
+
+@settings(deadline=None, max_examples=25)
+@given(kind=st.sampled_from(KINDS), seed=st.integers(0, 10_000), radius=st.floats(0.1, 0.7))
+def test_a_world_for_a_robot_has_ways_as_wide_as_it_or_is_refused(
+    kind: str, seed: int, radius: float
+) -> None:
+    """Outside walls as thick as the robot, the ground for its centre must be in one piece.
+
+    The circles' polygons let a robot pass that is up to 0.2 % too wide.
+    """
+    usual = load_world(f"random:{kind}:{seed}")
+    thick = shapely.buffer(shapely.union_all(wall_lines(usual.walls)), radius, quad_segs=64)
+    ground = shapely.get_parts(shapely.box(*usual.bounds).difference(thick))
+    start = shapely.Point(usual.starts[0, :2])
+    around = next((part for part in ground if part.covers(start)), shapely.Polygon())
+    rooms = [shapely.Polygon(room.boundary) for room in usual.rooms]
+    try:
+        world = load_world(f"random:{kind}:{seed}", radius)
+    except InputError as error:
+        assert f"radius {radius:g} m" in str(error) or around.is_empty
+        assert not all(around.intersection(room.buffer(-radius)).area > 1e-3 for room in rooms)
+    else:
+        assert (world.walls == usual.walls).all()
+        assert all(around.buffer(0.002 * radius).intersects(room) for room in rooms)
+
+
+def test_starts_and_movables_suit_the_robot() -> None:
+    spec = "random:apartment:3?starts=9&boxes=2&doors=1"
+    world = load_world(spec, 0.34)
+    assert shapely.distance(shapely.points(world.starts[:, :2]), wall_lines(world.walls)).min() >= (
+        0.34
+    )
+    with pytest.raises(InputError, match=r"rooms that a robot of radius 0.5 m reaches"):
+        load_world(spec, 0.5)

@@ -23,6 +23,7 @@ from albot_core.planning.grid_search import (
 )
 from albot_core.planning.occupancy_grid import NEAR_BY
 from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.robot import PIONEER_3DX
 
 _COARSER = Range("1, 2, 4 or 8", 1.0, 8.0, whole=True)
 
@@ -34,18 +35,18 @@ class WayHomeConfig:
     coarser: int = 2
     """Number of map cells along each side of a search cell, a power of two. A search cell is
     blocked if any of its map cells is occupied."""
-    radius: float = 0.28
-    """Smallest distance of the robot's centre from occupied cells (m)."""
-    wide: float = 0.45
-    """Distance from occupied cells below which path length counts twice (m)."""
-    stood: float = 0.25
-    """Radius around the robot's earlier positions in which ground counts as free (m); a laser that
-    looks ahead never sees the starting place."""
+    robot_radius: float = PIONEER_3DX.radius
+    """Radius of the robot's body (m); an environment puts that of its robot here. The ground on
+    which it has stood counts as free: a laser that looks ahead never sees the starting place."""
+    clearance: float = 0.03
+    """Smallest distance of the body from occupied cells on a path (m)."""
+    comfort_clearance: float = 0.2
+    """Distance of the body from occupied cells below which path length counts twice (m)."""
     ahead: float = 2.0
     """Distance along the path of the point that is reported (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "radius", "wide", "stood", "ahead")
+        check_fields(self, POSITIVE, "robot_radius", "clearance", "comfort_clearance", "ahead")
         check_fields(self, _COARSER, "coarser")
         if self.coarser & (self.coarser - 1):
             raise InputError("WayHomeConfig.coarser", _COARSER.expected, str(self.coarser))
@@ -108,7 +109,8 @@ def find_route(ground: Ground, config: WayHomeConfig) -> Points | None:
     states, corner = _search_cells(ground, config)
     start, goal = (_cell_of(point, corner, cell) for point in (stood[-1], stood[0]))
     parents = np.empty(states.shape, np.int64)
-    radii = config.radius / cell, config.wide / cell
+    radius, wide = (config.robot_radius + c for c in (config.clearance, config.comfort_clearance))
+    radii = radius / cell, wide / cell
     lengths, end = search_grid(states, start, radii, parents, False, goal)
     if end == (-1, -1):
         end = nearest_reached(lengths, *goal, int(NEAR_BY / cell))
@@ -152,9 +154,10 @@ def _search_cells(
     """
     cell = ground.cell * config.coarser
     known = coarse_states(ground.belief, config.coarser)
-    around = np.arange(-config.stood, config.stood + cell / 2, cell)
+    radius = config.robot_radius
+    around = np.arange(-radius, radius + cell / 2, cell)
     square = np.stack(np.meshgrid(around, around), axis=-1).reshape(-1, 2)
-    disc = square[np.hypot(*square.T) <= config.stood]
+    disc = square[np.hypot(*square.T) <= radius]
     stood = (ground.stood[:, None] + disc).reshape(-1, 2)
     at = np.floor((stood - ground.corner) / cell).astype(np.int64)[:, ::-1]
     before = np.maximum(-at.min(axis=0), 0)
