@@ -23,10 +23,10 @@ from jaxtyping import Float64, UInt8
 
 from albot_benchmarks.baselines import PymunkLoopEnv
 from albot_core.geometry.types import Poses, Segments
+from albot_core.robot import PIONEER_3DX
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import ODOMETERS, LaserConfig, Sensors, choose_sensors
 from albot_env.sim.batch_simulator import BatchSimulator
-from albot_env.sim.drive import PIONEER_3DX
 from albot_env.sim.physics import PHYSICS_STEP
 from albot_env.sim.simulator import SUBSTEPS
 from albot_maps import World
