@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of, transform_point
 from albot_core.kernels.compiled import kernel, scratch
-from albot_core.mappers.association.landmarks import fit_pose
+from albot_core.mappers.association.landmarks import ExpectedMotion, fit_pose
 from albot_core.mappers.association.surfaces import (
+    Surfaces,
     crosses,
     distance_between,
     distance_to,
@@ -53,19 +55,27 @@ def normalise(
             lengthen(current[k], before, after)
 
 
-@kernel()
+class MapLimits(NamedTuple):
+    """The thresholds of `carry_over` (see `AssociationConfig`)."""
+
+    angle: float
+    closeness: float
+    corner: float
+    map_turn: float
+    map_shift: float
+    map_slope: float
+
+
+@kernel(arrays=True)
 def carry_over(
-    seen: np.ndarray,
-    lengths: np.ndarray,
+    seen: Surfaces,
     landmarks: np.ndarray,
     expected: np.ndarray,
-    thresholds: np.ndarray,
-    surfaces: np.ndarray,
-    known_lengths: np.ndarray,
+    limits: MapLimits,
+    known: Surfaces,
     count: int,
     view: np.ndarray,
     ids: np.ndarray,
-    slack: np.ndarray,
     pose: np.ndarray,
 ) -> int:
     """Bring the unknown surfaces of the current view into the map; return how many it then has.
@@ -75,46 +85,61 @@ def carry_over(
     One that is close to a surface of the map is that surface; one that intersects any is left out.
 
     Args:
-        seen: (now, 4) surfaces as they are seen (m).
-        lengths: (now,) their lengths (m).
+        seen: The surfaces as they are seen.
         landmarks: (now,) ID of each landmark; `UNKNOWN` for other surfaces.
         expected: (3,) pose of the robot in the map, by the last one and the motion since.
-        thresholds: Those of `AssociationConfig.thresholds`.
-        surfaces: (room, 4) surfaces of the map, with room for all.
-        known_lengths: (room,) how much was seen of each as it was carried over (m).
+        limits: The thresholds.
+        known: The surfaces of the map, with room for all.
         count: Number of surfaces in the map.
         view: (now, 4) the surfaces, the landmarks normalised; the others are normalised here.
         ids: (now,) a copy of `landmarks`; receives the IDs of the others.
-        slack: (now,) buffer.
         pose: (3,) receives the pose of the robot in the map.
     """
-    angle, closeness, corner, turn_sigma, shift_sigma, slope = thresholds
-    parts = (seen, lengths, surfaces, known_lengths, landmarks, expected)
-    known = count
-    for k in range(seen.shape[0]):
+    slack = np.empty(landmarks.shape[0])
+    belief = ExpectedMotion(expected, limits.map_turn, limits.map_shift)
+    return _carry_over(seen, landmarks, belief, limits, known, count, view, ids, slack, pose)
+
+
+@kernel()
+def _carry_over(
+    seen: Surfaces,
+    landmarks: np.ndarray,
+    expected: ExpectedMotion,
+    limits: MapLimits,
+    known: Surfaces,
+    count: int,
+    view: np.ndarray,
+    ids: np.ndarray,
+    slack: np.ndarray,
+    pose: np.ndarray,
+) -> int:
+    """`carry_over`, with a buffer `slack` (now,) to work in."""
+    fits, sigma = (seen, known, landmarks, expected), limits.map_shift
+    turn_slack, before = limits.map_turn * limits.map_turn, count
+    for k in range(landmarks.shape[0]):
         if landmarks[k] != UNKNOWN:
             continue
-        for other in range(seen.shape[0]):
+        for other in range(landmarks.shape[0]):
             if landmarks[other] != UNKNOWN:
-                away = slope * distance_between(seen[k], seen[other])
-                slack[other] = shift_sigma * shift_sigma + away * away
+                away = limits.map_slope * distance_between(seen.lines[k], seen.lines[other])
+                slack[other] = sigma * sigma + away * away
         carried, seen_from = _carried(), _seen_from()
-        fit_pose(*parts, turn_sigma, shift_sigma, turn_sigma * turn_sigma, slack, seen_from)
-        place(seen[k], seen_from, carried)
-        same = most_similar(carried, surfaces, known, angle, closeness)
+        fit_pose(*fits, turn_slack, slack, seen_from)
+        place(seen.lines[k], seen_from, carried)
+        same = most_similar(carried, known.lines, before, limits.angle, limits.closeness)
         if same >= 0:
-            merge(carried, view, k, ids, surfaces, same)
+            merge(carried, view, k, ids, known.lines, same)
             ids[k] = same
-        elif not intersects_any(carried, surfaces, count, corner):
+        elif not intersects_any(carried, known.lines, count, limits.corner):
             for i in range(4):
-                surfaces[count, i] = carried[i]
-            known_lengths[count] = lengths[k]
+                known.lines[count, i] = carried[i]
+            known.lengths[count] = seen.lengths[k]
             ids[k] = count
             count += 1
-    for other in range(seen.shape[0]):
-        away = slope * distance_to(seen[other], 0.0, 0.0)
-        slack[other] = shift_sigma * shift_sigma + away * away
-    fit_pose(*parts, turn_sigma, shift_sigma, turn_sigma * turn_sigma, slack, pose)
+    for other in range(landmarks.shape[0]):
+        away = limits.map_slope * distance_to(seen.lines[other], 0.0, 0.0)
+        slack[other] = sigma * sigma + away * away
+    fit_pose(*fits, turn_slack, slack, pose)
     return count
 
 

@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate, rotate_back, wrap_angle
 from albot_core.kernels.compiled import kernel, scratch
-from albot_core.mappers.association.surfaces import heading_of, most_similar
+from albot_core.mappers.association.surfaces import Surfaces, heading_of, most_similar
 
 _LINE_TURN, _LEAST_TURN = 0.03, math.radians(0.3)
 """Standard deviation of the direction of a line seen for 1 m (rad), which falls with the length to
@@ -30,24 +31,41 @@ Ours."""
 _SETTLED = 1e-3
 """A motion that changes by less (m, rad) is final. Ours."""
 
+
+class ExpectedMotion(NamedTuple):
+    """A motion by the odometer, and how far it may be off."""
+
+    motion: np.ndarray
+    """(3,) float64: the motion (m, rad)."""
+    turn_sigma: float
+    """Standard deviation of its turn (rad)."""
+    shift_sigma: float
+    """Standard deviation of its x and of its y (m)."""
+
+
+class LandmarkBuffers(NamedTuple):
+    """Scratch buffers of `identify_landmarks`."""
+
+    previous: np.ndarray
+    """(before, 4) float64: the previous view after a motion (m)."""
+    trial: np.ndarray
+    """(now,) int64: landmarks under a motion that is tried."""
+    slack: np.ndarray
+    """(now,) float64: zeros."""
+
+
 _candidate = scratch(3)
 
 
-@kernel()
+@kernel(arrays=True)
 def identify_landmarks(
-    view: np.ndarray,
-    view_lengths: np.ndarray,
-    current: np.ndarray,
-    lengths: np.ndarray,
-    expected: np.ndarray,
-    turn_sigma: float,
+    view: Surfaces,
+    current: Surfaces,
+    expected: ExpectedMotion,
     angle: float,
     closeness: float,
     motion: np.ndarray,
     matched: np.ndarray,
-    previous: np.ndarray,
-    trial: np.ndarray,
-    slack: np.ndarray,
 ) -> float:
     """Find which surface of the previous view each of the current one is, and the robot's motion.
 
@@ -57,93 +75,97 @@ def identify_landmarks(
     the motion is that under which most surfaces agree. This is ours.
 
     Args:
-        view: (before, 4) surfaces of the previous view in its own coordinates (m).
-        view_lengths: (before,) how much of each was seen (m).
-        current: (now, 4) surfaces of the current view (m).
-        lengths: (now,) how much of each is seen (m).
-        expected: (3,) motion by the odometer. The standard deviation of its x and of its y is half
-            of `closeness`.
-        turn_sigma: Standard deviation of its turn (rad).
+        view: The surfaces of the previous view, in its own coordinates.
+        current: Those of the current view.
+        expected: The motion by the odometer.
         angle: Largest angle between the two surfaces of a landmark (rad).
         closeness: Largest distance between them (m).
         motion: (3,) receives the motion.
         matched: (now,) receives the number in `view` of each current surface, or -1.
-        previous: (before, 4) buffer.
-        trial: (now,) buffer.
-        slack: (now,) buffer.
 
     Returns:
         Standard deviation of the motion's turn (rad).
     """
+    count = current.lines.shape[0]
+    buffers = LandmarkBuffers(
+        np.empty(view.lines.shape), np.empty(count, np.int64), np.zeros(count)
+    )
+    return _try_turns(view, current, expected, angle, closeness, buffers, motion, matched)
+
+
+@kernel()
+def _try_turns(
+    view: Surfaces,
+    current: Surfaces,
+    expected: ExpectedMotion,
+    angle: float,
+    closeness: float,
+    buffers: LandmarkBuffers,
+    motion: np.ndarray,
+    matched: np.ndarray,
+) -> float:
+    """`identify_landmarks`, with buffers to work in."""
     best = sigma = 0.0
-    for k in range(current.shape[0]):
-        slack[k] = 0.0
-    turns = math.ceil(min(_WIDTH * turn_sigma / (0.5 * angle), float(_MOST_TURNS)))
+    turns = math.ceil(min(_WIDTH * expected.turn_sigma / (0.5 * angle), float(_MOST_TURNS)))
     for number in range(2 * turns + 1):
         # 0, 1, -1, 2, -2, …: of equally good turns, the one nearest to the expected one is taken.
         steps = (number + 1) // 2 * (1 if number % 2 else -1)
         candidate = _candidate()
-        candidate[0], candidate[1] = expected[0], expected[1]
-        candidate[2] = wrap_angle(expected[2] + 0.5 * steps * angle)
-        args = (view, view_lengths, current, lengths, expected, turn_sigma, angle, closeness)
-        score, found = align_views(*args, candidate, trial, previous, slack)
+        candidate[0], candidate[1] = expected.motion[0], expected.motion[1]
+        candidate[2] = wrap_angle(expected.motion[2] + 0.5 * steps * angle)
+        score, found = align_views(view, current, expected, angle, closeness, candidate, buffers)
         if number == 0 or score > best:
             best, sigma = score, found
             for i in range(3):
                 motion[i] = candidate[i]
-            for k in range(current.shape[0]):
-                matched[k] = trial[k]
+            for k in range(matched.shape[0]):
+                matched[k] = buffers.trial[k]
     return sigma
 
 
 @kernel()
 def align_views(
-    view: np.ndarray,
-    view_lengths: np.ndarray,
-    current: np.ndarray,
-    lengths: np.ndarray,
-    expected: np.ndarray,
-    turn_sigma: float,
+    view: Surfaces,
+    current: Surfaces,
+    expected: ExpectedMotion,
     angle: float,
     closeness: float,
     motion: np.ndarray,
-    matched: np.ndarray,
-    previous: np.ndarray,
-    slack: np.ndarray,
+    buffers: LandmarkBuffers,
 ) -> tuple[float, float]:
     """Find landmarks with the given `motion`, correct it by them, and repeat until it is final.
 
-    For the arguments see `identify_landmarks`; `slack` is zero. Without landmarks the motion is the
-    expected one.
+    For the arguments see `identify_landmarks`; the landmarks are `buffers.trial`. Without landmarks
+    the motion is the expected one.
 
     Returns:
         The score, the log-likelihood of motion and landmarks above that of no landmarks, and the
         standard deviation of the motion's turn (rad).
     """
-    sigma, shift_sigma = turn_sigma, 0.5 * closeness
+    sigma, matched = expected.turn_sigma, buffers.trial
     for _ in range(_ROUNDS):
-        bring_into(view, motion, previous)
-        if find_landmarks(previous, current, angle, closeness, matched) == 0:
+        bring_into(view.lines, motion, buffers.previous)
+        if find_landmarks(buffers.previous, current.lines, angle, closeness, matched) == 0:
             for i in range(3):
-                motion[i] = expected[i]
-            return 0.0, turn_sigma
+                motion[i] = expected.motion[i]
+            return 0.0, expected.turn_sigma
         x, y, turn = motion[0], motion[1], motion[2]
-        seen = (current, lengths, view, view_lengths, matched)
-        sigma = fit_pose(*seen, expected, turn_sigma, shift_sigma, 0.0, slack, motion)
+        sigma = fit_pose(current, view, matched, expected, 0.0, buffers.slack, motion)
         moved = max(abs(motion[0] - x), abs(motion[1] - y))
         if max(moved, abs(wrap_angle(motion[2] - turn))) < _SETTLED:
             break
     # Turns have outliers: their likelihood is Student's t with 2 degrees of freedom.
-    turned = wrap_angle(motion[2] - expected[2]) / turn_sigma
-    x, y = (motion[0] - expected[0]) / shift_sigma, (motion[1] - expected[1]) / shift_sigma
+    turned = wrap_angle(motion[2] - expected.motion[2]) / expected.turn_sigma
+    x = (motion[0] - expected.motion[0]) / expected.shift_sigma
+    y = (motion[1] - expected.motion[1]) / expected.shift_sigma
     score = -1.5 * math.log(1.0 + turned * turned / 2.0) - 0.5 * (x * x + y * y)
-    for k in range(current.shape[0]):
+    for k in range(matched.shape[0]):
         other = matched[k]
         if other < 0:
             continue
-        turn_variance, shift_variance = variances(lengths[k], view_lengths[other])
-        turned = turn_off(current[k], view[other], motion[2])
-        across = across_off(current[k], view[other], motion)
+        turn_variance, shift_variance = variances(current.lengths[k], view.lengths[other])
+        turned = turn_off(current.lines[k], view.lines[other], motion[2])
+        across = across_off(current.lines[k], view.lines[other], motion)
         off = max(turned * turned / turn_variance, across * across / shift_variance)
         if off > _OUTLIER * _OUTLIER:
             matched[k] = -1
@@ -190,14 +212,10 @@ def find_landmarks(
 
 @kernel()
 def fit_pose(
-    seen: np.ndarray,
-    lengths: np.ndarray,
-    known: np.ndarray,
-    known_lengths: np.ndarray,
+    seen: Surfaces,
+    known: Surfaces,
     partner: np.ndarray,
-    expected: np.ndarray,
-    turn_sigma: float,
-    shift_sigma: float,
+    expected: ExpectedMotion,
     turn_slack: float,
     slack: np.ndarray,
     pose: np.ndarray,
@@ -212,14 +230,10 @@ def fit_pose(
     fit is ours.
 
     Args:
-        seen: (now, 4) surfaces in the coordinates of the robot (m).
-        lengths: (now,) how much of each is seen (m).
-        known: (n, 4) surfaces in the coordinates of the pose (m).
-        known_lengths: (n,) how much was seen of each as it got its direction (m).
+        seen: Surfaces in the coordinates of the robot.
+        known: Surfaces in the coordinates of the pose.
         partner: (now,) number in `known` of each surface that is seen, or negative for none.
-        expected: (3,) expected pose.
-        turn_sigma: Its standard deviation (rad).
-        shift_sigma: Standard deviation of its x and of its y (m).
+        expected: The expected pose.
         turn_slack: Variance of the directions besides that of lines (rad²).
         slack: (now,) variance of the positions besides that of lines (m²).
         pose: (3,) receives the pose.
@@ -227,17 +241,18 @@ def fit_pose(
     Returns:
         Standard deviation of the pose's direction (rad).
     """
+    turn_sigma, shift_sigma = expected.turn_sigma, expected.shift_sigma
     for i in range(3):
-        pose[i] = expected[i]
+        pose[i] = expected.motion[i]
     information = 0.0
     for number in range(_ROUNDS):
         is_robust = number > 0  # At first all count in full.
         information = 1.0 / (turn_sigma * turn_sigma)
-        total = wrap_angle(expected[2] - pose[2]) * information
-        for k in range(seen.shape[0]):
+        total = wrap_angle(expected.motion[2] - pose[2]) * information
+        for k in range(partner.shape[0]):
             if partner[k] >= 0:
-                variance, _ = variances(lengths[k], known_lengths[partner[k]])
-                off = turn_off(seen[k], known[partner[k]], pose[2])
+                variance, _ = variances(seen.lengths[k], known.lengths[partner[k]])
+                off = turn_off(seen.lines[k], known.lines[partner[k]], pose[2])
                 weight = weight_of(off, variance + turn_slack, is_robust)
                 information, total = information + weight, total + weight * off
         pose[2] = wrap_angle(pose[2] + total / information)
@@ -245,12 +260,13 @@ def fit_pose(
         # Normal equations of x and y.
         xx = yy = 1.0 / (shift_sigma * shift_sigma)
         xy = 0.0
-        to_x, to_y = (expected[0] - pose[0]) * xx, (expected[1] - pose[1]) * yy
-        for k in range(seen.shape[0]):
+        to_x = (expected.motion[0] - pose[0]) * xx
+        to_y = (expected.motion[1] - pose[1]) * yy
+        for k in range(partner.shape[0]):
             if partner[k] >= 0:
-                other = known[partner[k]]
-                _, variance = variances(lengths[k], known_lengths[partner[k]])
-                off = across_off(seen[k], other, pose)
+                other = known.lines[partner[k]]
+                _, variance = variances(seen.lengths[k], known.lengths[partner[k]])
+                off = across_off(seen.lines[k], other, pose)
                 weight = weight_of(off, variance + slack[k], is_robust)
                 direction = heading_of(other)
                 x, y = -math.sin(direction), math.cos(direction)

@@ -22,9 +22,10 @@ from jaxtyping import Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.geometry.types import Segments
-from albot_core.mappers.association.global_map import UNKNOWN, carry_over, normalise
-from albot_core.mappers.association.landmarks import identify_landmarks
+from albot_core.mappers.association.global_map import UNKNOWN, MapLimits, carry_over, normalise
+from albot_core.mappers.association.landmarks import ExpectedMotion, identify_landmarks
 from albot_core.mappers.association.odometer import OdometerModel
+from albot_core.mappers.association.surfaces import Surfaces
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
@@ -82,10 +83,9 @@ class AssociationConfig:
         check_fields(self, _TOLERANCE, "angle", "closeness", "map_turn", "map_shift")
 
     @property
-    def thresholds(self) -> Float64[np.ndarray, "6"]:
-        """The numbers that `carry_over` takes, in its order."""
-        lengths = self.closeness, self.corner
-        return np.array((self.angle, *lengths, self.map_turn, self.map_shift, self.map_slope))
+    def map_limits(self) -> MapLimits:
+        """The thresholds that `carry_over` takes."""
+        return MapLimits(*(float(getattr(self, name)) for name in MapLimits._fields))
 
 
 _NO_MOTION = 1e-9
@@ -202,20 +202,19 @@ class Association:
         """
         config, count = self.config, len(seen)
         motion, matched = np.empty(3), np.empty(count, np.int64)
+        expected = ExpectedMotion(
+            motion=self._odometer.expected(self._motion),
+            turn_sigma=self._odometer.turn_sigma,
+            shift_sigma=0.5 * config.closeness,
+        )
         sigma = identify_landmarks(
-            self._view,
-            self._view_lengths,
-            seen,
-            lengths,
-            self._odometer.expected(self._motion),
-            self._odometer.turn_sigma,
+            Surfaces(self._view, self._view_lengths),
+            Surfaces(seen, lengths),
+            expected,
             config.angle,
             config.closeness,
             motion,
             matched,
-            np.empty_like(self._view),
-            np.empty(count, np.int64),
-            np.empty(count),
         )
         if sigma < _SURE_TURN:
             self._odometer.learn(self._motion, motion)
@@ -238,17 +237,14 @@ class Association:
         self._make_room(len(seen))
         pose = np.empty(3)
         self._count = carry_over(
-            seen,
-            lengths,
+            Surfaces(seen, lengths),
             landmarks,
             self._pose,
-            self.config.thresholds,
-            self._store,
-            self._lengths,
+            self.config.map_limits,
+            Surfaces(self._store, self._lengths),
             self._count,
             view,
             ids,
-            np.empty(len(seen)),
             pose,
         )
         self._pose = pose

@@ -7,6 +7,7 @@ counter-clockwise, came upon them. So the two faces of a wall have opposite dire
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,15 @@ from albot_core.kernels.compiled import kernel
 
 _LIKE = 0.2
 """So far apart (m) two surfaces are as unlike as if one were turned by 1 rad."""
+
+
+class Surfaces(NamedTuple):
+    """Surfaces, and how much of each was seen."""
+
+    lines: np.ndarray
+    """(n, 4) float64: the surfaces (m)."""
+    lengths: np.ndarray
+    """(n,) float64: the length of each that was seen as it got its direction (m)."""
 
 
 @kernel()

@@ -8,6 +8,7 @@ import pytest
 from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.association import global_map as compiled
 from albot_core.mappers.association.mapper import AssociationConfig
+from albot_core.mappers.association.surfaces import Surfaces
 
 
 def lengths_of(surfaces: np.ndarray) -> np.ndarray:
@@ -26,17 +27,14 @@ def carry(
     room[: len(known)] = known
     view, ids, pose = seen.copy(), landmarks.copy(), np.empty(3)
     count = compiled.carry_over(
-        seen,
-        lengths_of(seen),
+        Surfaces(seen, lengths_of(seen)),
         landmarks,
         np.array(expected),
-        AssociationConfig(**config).thresholds,
-        room,
-        lengths_of(room),
+        AssociationConfig(**config).map_limits,
+        Surfaces(room, lengths_of(room)),
         len(known),
         view,
         ids,
-        np.empty(len(seen)),
         pose,
     )
     return room[:count], view, ids, pose

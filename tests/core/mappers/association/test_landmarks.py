@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import inverse, relative, transform_segments, wrap_angle
 from albot_core.mappers.association import landmarks as compiled
+from albot_core.mappers.association.surfaces import Surfaces
 
 ANGLE, CLOSENESS = np.radians(10.0), 0.4
 SIGMA = ANGLE / 2
@@ -53,11 +54,9 @@ def identify(
 ) -> tuple[np.ndarray, list[int], float]:
     """The motion, the previous view's number of each current surface, and the turn's deviation."""
     motion, matched = np.empty(3), np.empty(len(current), np.int64)
-    buffers = np.empty_like(view), np.empty(len(current), np.int64), np.empty(len(current))
-    seen = view, lengths_of(view), current, lengths_of(current)
-    found = compiled.identify_landmarks(
-        *seen, expected, sigma, ANGLE, CLOSENESS, motion, matched, *buffers
-    )
+    views = Surfaces(view, lengths_of(view)), Surfaces(current, lengths_of(current))
+    believed = compiled.ExpectedMotion(expected, sigma, 0.5 * CLOSENESS)
+    found = compiled.identify_landmarks(*views, believed, ANGLE, CLOSENESS, motion, matched)
     return motion, matched.tolist(), found
 
 
@@ -125,8 +124,9 @@ def test_without_landmarks_the_motion_is_the_expected_one():
 def fitted(seen: np.ndarray, known: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, float]:
     """The pose by surfaces that are all known, expected at the origin, and its deviation."""
     pose, partner = np.empty(3), np.arange(len(seen))
-    parts = seen, lengths_of(seen), known, lengths_of(known), partner, np.zeros(3)
-    return pose, compiled.fit_pose(*parts, SIGMA, 0.2, 0.0, slack, pose)
+    both = Surfaces(seen, lengths_of(seen)), Surfaces(known, lengths_of(known))
+    expected = compiled.ExpectedMotion(np.zeros(3), SIGMA, 0.2)
+    return pose, compiled.fit_pose(*both, partner, expected, 0.0, slack, pose)
 
 
 def test_directions_count_by_the_inverse_of_their_variance():
@@ -156,8 +156,9 @@ def test_a_fit_does_not_depend_on_the_frame(x, y, turn):
     frame, true = np.array((x, y, turn)), np.array((0.1, -0.05, 0.02))
     known = transform_segments(frame, transform_segments(true, VIEW))
     pose, partner = np.empty(3), np.arange(len(VIEW))
-    parts = VIEW, lengths_of(VIEW), known, lengths_of(known), partner, frame
-    compiled.fit_pose(*parts, SIGMA, 0.2, 0.0, np.zeros(len(VIEW)), pose)
+    both = Surfaces(VIEW, lengths_of(VIEW)), Surfaces(known, lengths_of(known))
+    expected = compiled.ExpectedMotion(frame, SIGMA, 0.2)
+    compiled.fit_pose(*both, partner, expected, 0.0, np.zeros(len(VIEW)), pose)
     found = relative(frame, pose)
     np.testing.assert_allclose(found[:2], true[:2], atol=0.01)
     assert abs(wrap_angle(found[2] - true[2])) < 0.002

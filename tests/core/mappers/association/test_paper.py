@@ -16,7 +16,7 @@ WALL = np.array((0.0, 2.0, 4.0, 2.0))
 
 def is_same(*surface: float) -> bool:
     """Whether a surface is the wall, by the mapper's own thresholds."""
-    angle, closeness, *_ = CONFIG.thresholds
+    angle, closeness, *_ = CONFIG.map_limits
     assert (angle, closeness) == (CONFIG.angle, CONFIG.closeness)
     found: int = most_similar(np.array(surface), WALL[None], 1, CONFIG.angle, CONFIG.closeness)
     return found == 0
