@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.segment_kernels import distance_to_segment
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.noise import draw, draw_uniform
 from albot_env.sim.obstacle_tables import ObstacleTables
-from albot_env.sim.plane_geometry import nearest_on_segment
 
 _CLEARANCE = 0.05
 """Minimum distance (m) at which a leaf stops before an obstruction."""
@@ -136,8 +136,7 @@ def distance_to_swept_area(tables: ObstacleTables, i: int, x: float, y: float) -
 def distance_to_ray(x: float, y: float, angle: float, length: float) -> float:
     """Return the distance of a point from a segment that starts at the origin, at an angle."""
     end_x, end_y = length * math.cos(angle), length * math.sin(angle)
-    near_x, near_y = nearest_on_segment(x, y, 0.0, 0.0, end_x, end_y)
-    return length_of(x - near_x, y - near_y)
+    return distance_to_segment(x, y, 0.0, 0.0, end_x, end_y)
 
 
 @kernel()

@@ -32,15 +32,3 @@ def compose_transforms(first: Transform, second: Transform) -> Transform:
     x, y = transform_from(first, second[0], second[1])
     cos, sin = rotate(first[2], first[3], second[2], second[3])
     return x, y, cos, sin
-
-
-@kernel()
-def nearest_on_segment(
-    x: float, y: float, x1: float, y1: float, x2: float, y2: float
-) -> tuple[float, float]:
-    """Return the point of a segment that is nearest to a point."""
-    along_x, along_y = x2 - x1, y2 - y1
-    squared = along_x * along_x + along_y * along_y
-    share = ((x - x1) * along_x + (y - y1) * along_y) / squared if squared > 0.0 else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return x1 + share * along_x, y1 + share * along_y

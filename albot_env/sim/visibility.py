@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.segment_kernels import left_of, nearest_on_segment
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel
@@ -28,7 +29,8 @@ from albot_core.kernels.simd import (
     float64_predicate,
     padded_length,
 )
-from albot_env.sim.plane_geometry import compose_transforms, nearest_on_segment, transform_of
+from albot_core.kernels.sorting import sort_order
+from albot_env.sim.plane_geometry import compose_transforms, transform_of
 
 BLOCK = 8
 """Cells along each side of a block. A cell's list is chosen from its block's list, which is far
@@ -203,7 +205,7 @@ def _list_visible(
         near[count], distances[count] = j, length_of(at_x - x, at_y - y)
         count += distances[count] <= limit
     order = np.empty(count, np.int64)
-    _sort(distances, order)
+    sort_order(distances, order)
     # Each wall casts a shadow unless it lies in the shadows of nearer walls.
     shadows = np.empty((9, padded_length(count)))
     in_use = ZERO
@@ -214,25 +216,6 @@ def _list_visible(
         index.members[index.used[0]] = j
         index.used[0] += 1
         in_use += _cast_shadow(index.walls, index.neighbours, j, x, y, half, shadows, in_use)
-
-
-@kernel()
-def _sort(keys: np.ndarray, order: np.ndarray) -> None:
-    """Fill `order` with the indices that sort the keys in ascending order (Shell sort).
-
-    numba takes seconds to compile its own sort.
-    """
-    for k in range(order.shape[0]):
-        order[k] = k
-    gap = order.shape[0] // 2
-    while gap > 0:
-        for i in range(gap, order.shape[0]):
-            moved, at = order[i], i
-            while at >= gap and keys[order[at - gap]] > keys[moved]:
-                order[at] = order[at - gap]
-                at -= gap
-            order[at] = moved
-        gap //= 2
 
 
 @kernel()
@@ -304,7 +287,7 @@ def _cast_shadow(
     """
     sx, sy, ex, ey = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
     left = 0
-    if _left_of(sx, sy, ex, ey, x, y) > 0.0:
+    if left_of(sx, sy, ex, ey, x, y) > 0.0:
         sx, sy, ex, ey = ex, ey, sx, sy
         left = 1
     # Now the cell lies right of the line from s to e; seen from the cell, s is the left end.
@@ -353,8 +336,8 @@ def _follow_chain(
         goes_on = True
         for k in range(4):
             cx, cy = _corner(x, y, half, k)
-            goes_on = goes_on and side * _left_of(cx, cy, px, py, nx, ny) > _MARGIN
-            goes_on = goes_on and side * _left_of(cx, cy, other[0], other[1], nx, ny) > _MARGIN
+            goes_on = goes_on and side * left_of(cx, cy, px, py, nx, ny) > _MARGIN
+            goes_on = goes_on and side * left_of(cx, cy, other[0], other[1], nx, ny) > _MARGIN
         if not goes_on:
             break
         px, py = nx, ny
@@ -384,9 +367,3 @@ def _half_plane(dx: float, dy: float, x: float, y: float) -> HalfPlane:
     length = length_of(dx, dy)
     nx, ny = -dy / length, dx / length
     return nx, ny, nx * x + ny * y
-
-
-@kernel()
-def _left_of(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
-    """Return a positive number if p is left of the line from a to b."""
-    return (bx - ax) * (py - ay) - (by - ay) * (px - ax)

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.segment_kernels import nearest_on_segment
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.doors import distance_to_swept_area
 from albot_env.sim.noise import draw, draw_uniform
 from albot_env.sim.obstacle_tables import ObstacleTables
-from albot_env.sim.plane_geometry import nearest_on_segment
 
 _RELAXATION = 0.5
 """Relaxation time, in which a walker reaches its speed (s), τ."""

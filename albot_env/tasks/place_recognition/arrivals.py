@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.poses import compose, transform_points, transform_segments, wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.mapper import AttractorNetwork, Mapper, PlaceMemory
 from albot_core.mappers.result_checks import (
@@ -168,7 +168,7 @@ class PlaceDatabase:
         apart = np.array((*(there.belief - here.belief)[:2], 0.0))
         line_match = match_lines(here.surfaces, there.surfaces, apart, np.zeros(3), _MATCH)
         found = match_panoramas(here.panorama, there.panorama, apart, line_match.pose)
-        turn = abs((found.pose[2] + math.pi) % (2 * math.pi) - math.pi)
+        turn = float(abs(wrap_angle(found.pose[2])))
         place = 0.0
         memory = self._mapper
         if memory is not None and isinstance(memory, PlaceMemory):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.geometry.pose_kernels import transform_point
+from albot_core.geometry.segment_kernels import heading_of
 from albot_core.kernels.compiled import kernel
 
 MIN_OVERLAP = 0.3
@@ -44,12 +45,6 @@ def measure(line: np.ndarray, row: np.ndarray) -> None:
     row[4] = length
     row[6] = (line[2] - line[0]) / length
     row[7] = (line[3] - line[1]) / length
-
-
-@kernel()
-def heading_of(line: np.ndarray) -> float:
-    """Return the direction of a line from its first end to its second (rad)."""
-    return float(np.arctan2(line[3] - line[1], line[2] - line[0]))
 
 
 @kernel()

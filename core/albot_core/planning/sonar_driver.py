@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.poses import inverse, transform_points
+from albot_core.geometry.poses import inverse, transform_points, wrap_angle
 from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.planning.steering import (
     DIRECTIONS,
@@ -141,7 +141,7 @@ class SonarDriver:
         moving amidst unknown obstacles of arbitrary shape, Algorithmica 2, 1987).
         """
         is_open = self._open(free)
-        off = (DIRECTIONS - bearing + np.pi) % (2 * np.pi) - np.pi
+        off = np.asarray(wrap_angle(DIRECTIONS - bearing))
         if is_open[np.abs(off).argmin()]:
             self._side = 0.0
             return float(DIRECTIONS[np.abs(off).argmin()])
@@ -186,9 +186,7 @@ class SonarDriver:
             if distance >= sonar.max_range:
                 continue
             away = old - place
-            aside = np.abs(
-                (np.arctan2(away[:, 1], away[:, 0]) - bearing + np.pi) % (2 * np.pi) - np.pi
-            )
+            aside = np.abs(wrap_angle(np.arctan2(away[:, 1], away[:, 0]) - bearing))
             is_before = np.hypot(*away.T) < distance - self._CLEARED
             is_kept &= ~(is_before & (aside < 0.5 * sonar.cone))
             if distance < config.reach:

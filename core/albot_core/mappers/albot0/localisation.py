@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError, did_you_mean
+from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot0.regions import Regions
 from albot_core.ranges import POSITIVE, SHARE, check_fields
 
@@ -131,7 +132,7 @@ def orientation_map(stop: Stop, config: LocalisationConfig) -> Confidences:
     if home.count >= 2:
         turn = home.directions[-1] - home.directions[-2]
         turns = -np.diff(out.directions)
-        off = np.abs((turn - turns + np.pi) % (2 * np.pi) - np.pi)
+        off = np.abs(wrap_angle(turn - turns))
         confidences[:-1] = 1.0 - off / np.pi  # Eq. (3)
     return config.reduction * confidences
 

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from albot_core.geometry.segment_kernels import crosses
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import CELL, EchoField
@@ -147,14 +148,8 @@ def _weigh_moves(
         if max(y, v) < least[1] or min(y, v) > most[1]:
             continue
         for k in range(poses.shape[0]):
-            from_x, from_y, to_x, to_y = before[k, 0], before[k, 1], poses[k, 0], poses[k, 1]
-            # Either pair of ends lies on both sides of the other's line.
-            one = (u - x) * (from_y - y) - (v - y) * (from_x - x)
-            other = (u - x) * (to_y - y) - (v - y) * (to_x - x)
-            if one * other < 0.0:
-                one = (to_x - from_x) * (y - from_y) - (to_y - from_y) * (x - from_x)
-                other = (to_x - from_x) * (v - from_y) - (to_y - from_y) * (u - from_x)
-                went_through[k] |= one * other < 0.0
+            way = before[k, 0], before[k, 1], poses[k, 0], poses[k, 1]
+            went_through[k] |= crosses((x, y, u, v), way)
     for k in range(poses.shape[0]):
         if went_through[k]:
             weights[k] *= factor

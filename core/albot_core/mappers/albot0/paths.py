@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.geometry.poses import wrap_angle
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.steps import ECHOES, PLACES, SONARS, Steps
 from albot_core.mappers.stored_arrays import LONGEST
@@ -109,7 +110,7 @@ class PathInProgress:
         x, y, heading = pose
         finished = None
         if self.samples:
-            turned = _wrap(heading - self.heading)
+            turned = float(wrap_angle(heading - self.heading))
             gone = math.hypot(x - self.samples[-1][0], y - self.samples[-1][1])
             if abs(turned) > config.turn:
                 finished = self._finish(config)
@@ -138,7 +139,7 @@ class PathInProgress:
         """Whether the robot drives about against the direction of the path before."""
         if self.direction_before is None or math.hypot(*self.chord) < config.shortest:
             return False
-        turned = _wrap(self.direction - self.direction_before)
+        turned = float(wrap_angle(self.direction - self.direction_before))
         return abs(turned) >= config.turned_round
 
     @property
@@ -146,8 +147,8 @@ class PathInProgress:
         """Where the robot's front points along the path (rad), though it may drive backwards."""
         x, y = self.chord
         direction = math.atan2(y, x)
-        is_forward = abs(_wrap(direction - self.heading)) <= math.pi / 2
-        return direction if is_forward else _wrap(direction + math.pi)
+        is_forward = abs(float(wrap_angle(direction - self.heading))) <= math.pi / 2
+        return direction if is_forward else float(wrap_angle(direction + math.pi))
 
     @property
     def chord(self) -> tuple[float, float]:
@@ -269,10 +270,6 @@ def _echoes_along(samples: np.ndarray, steps: int, length: float) -> np.ndarray:
     return echoes
 
 
-def _wrap(angle: float) -> float:
-    return (angle + math.pi) % (2 * math.pi) - math.pi
-
-
 @kernel(arrays=True)
 def _widths(
     ahead: np.ndarray, away: np.ndarray, length: float, counts: tuple[int, int, int]
@@ -370,7 +367,7 @@ def side_sonars(geometry: SonarGeometry) -> tuple[int, int]:
     bearings = np.array(geometry.bearings)
     chosen = []
     for side, name in ((np.pi / 2, "left"), (-np.pi / 2, "right")):
-        aside = np.abs((bearings - side + np.pi) % (2 * np.pi) - np.pi)
+        aside = np.abs(wrap_angle(bearings - side))
         chosen.append(int(aside.argmin()))
         if aside.min() > _SIDEWAYS:
             found = f"bearings {np.degrees(bearings).round().tolist()}°"

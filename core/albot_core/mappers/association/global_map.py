@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of, transform_point
+from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.segment_kernels import crosses, left_of, transform_segment
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.association.landmarks import ExpectedMotion, fit_pose
 from albot_core.mappers.association.surfaces import (
     Surfaces,
-    crosses,
     distance_between,
     distance_to,
     lengthen,
@@ -125,7 +124,7 @@ def _carry_over(
                 slack[other] = sigma * sigma + away * away
         carried, seen_from = _carried(), _seen_from()
         fit_pose(*fits, turn_slack, slack, seen_from)
-        place(seen.lines[k], seen_from, carried)
+        transform_segment(seen_from, seen.lines[k], carried)
         same = most_similar(carried, known.lines, before, limits.angle, limits.closeness)
         if same >= 0:
             merge(carried, view, k, ids, known.lines, same)
@@ -163,14 +162,6 @@ def merge(
 
 
 @kernel()
-def place(surface: np.ndarray, pose: np.ndarray, carried: np.ndarray) -> None:
-    """Set `carried` (4,) to where a surface of the view lies as seen from a pose."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    carried[0], carried[1] = transform_point(pose, cos, sin, surface[0], surface[1])
-    carried[2], carried[3] = transform_point(pose, cos, sin, surface[2], surface[3])
-
-
-@kernel()
 def intersects_any(surface: np.ndarray, others: np.ndarray, count: int, corner: float) -> bool:
     """Whether a surface intersects one of the first `count` others.
 
@@ -190,8 +181,8 @@ def intersects_any(surface: np.ndarray, others: np.ndarray, count: int, corner: 
 @kernel()
 def end_beyond(surface: np.ndarray, other: np.ndarray) -> float:
     """How far the shorter part of a surface reaches beyond the line of one that it crosses (m)."""
-    dx, dy = other[2] - other[0], other[3] - other[1]
-    first = abs(dx * (surface[1] - other[1]) - dy * (surface[0] - other[0]))
-    last = abs(dx * (surface[3] - other[1]) - dy * (surface[2] - other[0]))
+    x1, y1, x2, y2 = other[0], other[1], other[2], other[3]
+    first = abs(left_of(x1, y1, x2, y2, surface[0], surface[1]))
+    last = abs(left_of(x1, y1, x2, y2, surface[2], surface[3]))
     length = length_of(surface[2] - surface[0], surface[3] - surface[1])
     return float(length * min(first, last) / (first + last))

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate, rotate_back, wrap_angle
+from albot_core.geometry.segment_kernels import heading_of
 from albot_core.kernels.compiled import kernel, scratch
-from albot_core.mappers.association.surfaces import Surfaces, heading_of, most_similar
+from albot_core.mappers.association.surfaces import Surfaces, most_similar
 
 _LINE_TURN, _LEAST_TURN = 0.03, math.radians(0.3)
 """Standard deviation of the direction of a line seen for 1 m (rad), which falls with the length to

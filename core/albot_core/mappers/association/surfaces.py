@@ -6,12 +6,12 @@ counter-clockwise, came upon them. So the two faces of a wall have opposite dire
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of, wrap_angle
+from albot_core.geometry.segment_kernels import crosses, distance_to_segment, heading_of
 from albot_core.kernels.compiled import kernel
 
 _LIKE = 0.2
@@ -90,12 +90,6 @@ def lengthen(surface: np.ndarray, before: float, after: float) -> None:
 
 
 @kernel()
-def heading_of(surface: np.ndarray) -> float:
-    """The direction from a surface's first end to its last (rad)."""
-    return float(math.atan2(surface[3] - surface[1], surface[2] - surface[0]))
-
-
-@kernel()
 def distance_between(one: np.ndarray, other: np.ndarray) -> float:
     """The least distance between two surfaces (m); 0 where they cross."""
     if crosses(one, other):
@@ -108,10 +102,7 @@ def distance_between(one: np.ndarray, other: np.ndarray) -> float:
 @kernel()
 def distance_to(surface: np.ndarray, x: float, y: float) -> float:
     """The least distance of a point from a surface (m)."""
-    dx, dy = surface[2] - surface[0], surface[3] - surface[1]
-    px, py = x - surface[0], y - surface[1]
-    along = min(max((dx * px + dy * py) / (dx * dx + dy * dy), 0.0), 1.0)
-    return length_of(px - along * dx, py - along * dy)
+    return distance_to_segment(x, y, surface[0], surface[1], surface[2], surface[3])
 
 
 @kernel()
@@ -123,18 +114,3 @@ def may_be_close(one: np.ndarray, other: np.ndarray, closeness: float) -> bool:
         and min(one[1], one[3]) - closeness <= max(other[1], other[3])
         and min(other[1], other[3]) - closeness <= max(one[1], one[3])
     )
-
-
-@kernel()
-def crosses(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two surfaces cross at a point inside both."""
-    return _parts(one, other) and _parts(other, one)
-
-
-@kernel()
-def _parts(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether the line through a surface has the other's ends strictly on either side."""
-    dx, dy = one[2] - one[0], one[3] - one[1]
-    first = dx * (other[1] - one[1]) - dy * (other[0] - one[0])
-    last = dx * (other[3] - one[1]) - dy * (other[2] - one[0])
-    return bool(first * last < 0.0)

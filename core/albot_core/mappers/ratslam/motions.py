@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from albot_core.geometry.poses import wrap_angle
+
 Motion = tuple[float, float, float]
 """x, y (m) and unwrapped heading (rad)."""
 
@@ -32,7 +34,7 @@ def beyond(first: Motion, whole: Motion) -> Motion:
 
 def nearest_turn(turn: float) -> float:
     """Return the same angle within [-pi, pi)."""
-    return (turn + math.pi) % (2 * math.pi) - math.pi
+    return float(wrap_angle(turn))
 
 
 def motion_of(numbers: list[float]) -> Motion:

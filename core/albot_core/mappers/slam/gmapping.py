@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.geometry.pose_kernels import wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
@@ -191,7 +192,7 @@ def draw_poses(
             log_weights[k] += weigh_points(
                 patch, low, cell, points, poses[k, 0], poses[k, 1], poses[k, 2], log_likelihoods
             )
-        poses[k, 2] = (poses[k, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        poses[k, 2] = wrap_angle(poses[k, 2])
 
 
 @kernel()

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.geometry.pose_kernels import wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
@@ -119,7 +120,7 @@ def move_and_weigh(
         cos, sin = math.cos(heading), math.sin(heading)
         poses[k, 0] = x + cos * errors[k, 0] - sin * errors[k, 1]
         poses[k, 1] = y + sin * errors[k, 0] + cos * errors[k, 1]
-        poses[k, 2] = (heading + errors[k, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        poses[k, 2] = wrap_angle(heading + errors[k, 2])
         patch, low = cut_patch(pool, index[k], corner, cell, points, poses[k])
         log_weights[k] += weigh_points(
             patch, low, cell, points, poses[k, 0], poses[k, 1], poses[k, 2], log_likelihoods

@@ -38,14 +38,6 @@ def copy_pose(pose: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel()
-def to_map(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
-    """Write into `out` a surface seen from `pose`, in the map's frame."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    out[0], out[1] = transform_point(pose, cos, sin, surface[0], surface[1])
-    out[2], out[3] = transform_point(pose, cos, sin, surface[2], surface[3])
-
-
-@kernel()
 def seen_from(
     pose: np.ndarray, cos: float, sin: float, surface: np.ndarray, out: np.ndarray
 ) -> None:

@@ -21,10 +21,11 @@ import numpy as np
 from numba import types
 
 from albot_core.geometry.pose_kernels import rotate
+from albot_core.geometry.segment_kernels import heading_of, transform_segment
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.consistency import inconsistent_views
-from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, seen_from, to_map
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, seen_from
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
     NOT_RECOGNIZED,
@@ -54,7 +55,7 @@ from albot_core.mappers.albot1.perceptual_map.overlay import (
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, pair_views
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
 from albot_core.mappers.albot1.perceptual_map.tracking import localize_jointly, search_turn
-from albot_core.matching.lines import heading_of, line_length, wrap
+from albot_core.matching.lines import line_length, wrap
 from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.view import NO_EDGE
 
@@ -207,7 +208,7 @@ def update_map(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> No
     count = view.size[0]
     in_map = np.empty((count, 4))
     for k in range(count):  # Alg. 3, lines 2 to 6
-        to_map(view.pose, view.surfaces[k], in_map[k])
+        transform_segment(view.pose, view.surfaces[k], in_map[k])
     polygon = view_boundary(in_map, view.pose, limits.robot_in_boundary)  # Alg. 3, line 7
     box, found = _box(), np.empty(2 * pm.counts[ALIVE] + 1, np.int64)
     box_around(polygon, limits.margin, box)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.kernels.compiled import ZERO, kernel
+from albot_core.kernels.sorting import sort
 
 CELL = 2.0
 """Side of a grid cell (m)."""
@@ -264,23 +265,6 @@ def _keep_distinct(values: np.ndarray, count: int) -> int:
             values[distinct] = values[i]
             distinct += 1
     return int(distinct)
-
-
-@kernel()
-def sort(values: np.ndarray, count: int) -> None:
-    """Sort the first `count` values in place (Shell's method).
-
-    numba takes more than a second to compile its own sort.
-    """
-    gap = count // 2
-    while gap > 0:
-        for i in range(gap, count):
-            value, at = values[i], i
-            while at >= gap and values[at - gap] > value:
-                values[at] = values[at - gap]
-                at -= gap
-            values[at] = value
-        gap //= 2
 
 
 @kernel()

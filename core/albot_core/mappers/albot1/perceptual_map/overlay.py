@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from albot_core.geometry.segment_kernels import nearest_share
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.matching.lines import line_length
@@ -86,13 +87,14 @@ def _is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> b
 def _comes_near(polygon: np.ndarray, corner: int, margin: float, x: float, y: float) -> bool:
     """Whether the polygon's edge that ends at a corner comes within `margin` of a point (m)."""
     before = corner - 1 if corner > 0 else polygon.shape[0] - 1
-    ax, ay = polygon[before, 0], polygon[before, 1]
-    run_x, run_y = polygon[corner, 0] - ax, polygon[corner, 1] - ay
-    square = run_x * run_x + run_y * run_y
-    along = 0.0
-    if square > 0.0:
-        along = min(1.0, max(0.0, ((x - ax) * run_x + (y - ay) * run_y) / square))
-    dx, dy = x - ax - along * run_x, y - ay - along * run_y
+    ax, ay, bx, by = (
+        polygon[before, 0],
+        polygon[before, 1],
+        polygon[corner, 0],
+        polygon[corner, 1],
+    )
+    share = nearest_share(x, y, ax, ay, bx, by)
+    dx, dy = x - ax - share * (bx - ax), y - ay - share * (by - ay)
     return bool(dx * dx + dy * dy <= margin * margin)
 
 

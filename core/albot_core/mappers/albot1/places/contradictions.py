@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from albot_core.geometry.segment_kernels import crosses_line
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.perceptual_map.consistency import SPACING, TOLERANCE, range_along
-from albot_core.mappers.albot1.places.exits import crosses_line
 from albot_core.matching.lines import line_length
 
 BESIDE, PARALLEL = 0.25, np.cos(np.radians(15.0))

@@ -22,9 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.poses import compose, relative, transform_points, transform_segments
+from albot_core.geometry.segment_kernels import crosses_line
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.mappers.albot1.places.exits import ASLANT, WALL, crosses_line
+from albot_core.mappers.albot1.places.exits import ASLANT, WALL
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import DEVIATIONS, LearnedPlace, Lines
 from albot_core.matching.line_matching import LineMatch

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate_back
+from albot_core.geometry.segment_kernels import crosses_line, distance_left_of, transform_segment
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.frames import to_map
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
 from albot_core.matching.lines import line_length
 from albot_core.sensing.view import CORNER, OCCLUDING
@@ -109,13 +109,13 @@ def _measure_gap(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Al
         or px * px + py * py > EXIT_RANGE**2
     ):
         return False
-    if left_of(px, py, qx, qy, 0.0, 0.0) < 0.0:
+    if distance_left_of(px, py, qx, qy, 0.0, 0.0) < 0.0:
         return False
     # All that is seen between the two must lie behind the line.
     for k in range(i + 1, j):
         for end in range(2):
             x, y = view.surfaces[k, 2 * end], view.surfaces[k, 2 * end + 1]
-            if left_of(px, py, qx, qy, x, y) > -0.05:
+            if distance_left_of(px, py, qx, qy, x, y) > -0.05:
                 return False
     line[0], line[1], line[2], line[3] = px, py, qx, qy
     walls = view.surfaces
@@ -159,7 +159,7 @@ def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -
     # Each exit in view takes the place of a remembered one nearby, or is a new one.
     seen, in_map = _seen(), _in_map()
     for k in range(find_exits(view, limits, seen)):
-        to_map(pose, seen[k], in_map)
+        transform_segment(pose, seen[k], in_map)
         x, y = 0.5 * (in_map[0] + in_map[2]), 0.5 * (in_map[1] + in_map[3])
         which, away = nearest_exit(exits, x, y)
         if away >= SEEN_EXIT_RANGE:
@@ -247,7 +247,9 @@ def cross_exit(exits: ExitMemory, ax: float, ay: float, pose: np.ndarray) -> boo
         counts[1] = NOT_CROSSING
     if counts[1] == NOT_CROSSING:
         return False
-    through = -crossing[4] * left_of(crossing[0], crossing[1], crossing[2], crossing[3], x, y)
+    through = -crossing[4] * distance_left_of(
+        crossing[0], crossing[1], crossing[2], crossing[3], x, y
+    )
     if abs(through) < (THROUGH if counts[1] == CROSSING_SEEN else FAR):
         return False
     counts[1] = NOT_CROSSING
@@ -276,7 +278,7 @@ def _note_passed(exits: ExitMemory, ax: float, ay: float, x: float, y: float, wh
                 nearest = dx * dx + dy * dy
                 for i in range(4):
                     exits.crossing[i] = line[i]
-                side = left_of(line[0], line[1], line[2], line[3], ax, ay)
+                side = distance_left_of(line[0], line[1], line[2], line[3], ax, ay)
                 exits.crossing[4] = 1.0 if side > 0.0 else -1.0
                 exits.counts[1] = what
 
@@ -305,27 +307,6 @@ def _is_aside(crossing: np.ndarray, x: float, y: float) -> bool:
         y - 0.5 * (crossing[1] + crossing[3])
     )
     return bool(abs(along) > WIDE * np.sqrt(dx * dx + dy * dy))
-
-
-@kernel()
-def left_of(px: float, py: float, qx: float, qy: float, x: float, y: float) -> float:
-    """How far a point is to the left of the line from p to q (m)."""
-    dx, dy = qx - px, qy - py
-    return float((dx * (y - py) - dy * (x - px)) / np.sqrt(dx * dx + dy * dy))
-
-
-@kernel()
-def crosses_line(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the way from a to b passes a line between its ends."""
-    dx, dy = line[2] - line[0], line[3] - line[1]
-    before = dx * (ay - line[1]) - dy * (ax - line[0])
-    after = dx * (by - line[1]) - dy * (bx - line[0])
-    if (before > 0.0) == (after > 0.0):
-        return False
-    ex, ey = bx - ax, by - ay
-    first = ex * (line[1] - ay) - ey * (line[0] - ax)
-    second = ex * (line[3] - ay) - ey * (line[2] - ax)
-    return bool((first > 0.0) != (second > 0.0))
 
 
 def expect_exits(exits: ExitMemory, lines: Segments) -> None:

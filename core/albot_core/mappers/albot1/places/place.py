@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.poses import relative, transform_segments, wrap_angle
+from albot_core.geometry.segment_kernels import left_of
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.network_view import Exit, Place
@@ -171,16 +172,10 @@ def _is_behind(line: Line, point: Points) -> bool:
     along = line[2:] - line[:2]
     eye = middle(line) + EYE * np.array([-along[1], along[0]]) / np.hypot(*along)
     return bool(
-        _left_of(line[:2], line[2:], point) < 0
-        and _left_of(eye, line[:2], point) > 0
-        and _left_of(eye, line[2:], point) < 0
+        left_of(*line, *point) < 0
+        and left_of(*eye, *line[:2], *point) > 0
+        and left_of(*eye, *line[2:], *point) < 0
     )
-
-
-def _left_of(start: Points, end: Points, point: Points) -> float:
-    """Positive where the point is to the left of the line from `start` to `end`."""
-    dx, dy = end - start
-    return float(dx * (point[1] - start[1]) - dy * (point[0] - start[0]))
 
 
 def in_frame(frame: Pose, lines: Segments) -> Segments:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from albot_core.geometry.segment_kernels import transform_segment
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.frames import to_map
 from albot_core.mappers.albot1.perceptual_map.mapping import update_map
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
@@ -69,7 +69,7 @@ def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> N
     count = view.size[0]
     in_map, none_used = np.empty((count, 4)), np.zeros(count, np.bool_)
     for k in range(count):
-        to_map(view.pose, view.surfaces[k], in_map[k])
+        transform_segment(view.pose, view.surfaces[k], in_map[k])
     box, found = _box(), np.empty(2 * pm.counts[ALIVE] + 1, np.int64)
     box_around(in_map.reshape((2 * count, 2)), limits.margin, box)
     slots = found[: find_surfaces(pm, box, found)]
@@ -144,7 +144,7 @@ def move_visits(pm: PerceptualMap, first: int, pose: np.ndarray) -> None:
     moved = np.empty(4)
     for slot in range(pm.counts[USED]):
         if pm.ids[slot] >= 0 and pm.marks[slot] >= first:
-            to_map(pose, pm.surfaces[slot], moved)
+            transform_segment(pose, pm.surfaces[slot], moved)
             move_surface(pm, slot, moved, pm.edges[slot])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.albot1.perceptual_map.memory import sort
+from albot_core.kernels.sorting import sort
 from albot_core.mappers.albot1.trail.path_tree import (
     HOME,
     PathGraph,
