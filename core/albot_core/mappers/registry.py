@@ -11,9 +11,9 @@ from typing import Any, get_args
 import numpy as np
 
 from albot_core.errors import InputError, did_you_mean
-from albot_core.mappers.checked_batch import CheckedMappers
 from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
+from albot_core.mappers.result_checks import check_array
 from albot_core.maps.layers import LAYERS
 from albot_core.plain_data import Location, read_config
 from albot_core.ranges import FROM_ONE
@@ -31,6 +31,15 @@ _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IE
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
 _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
+_ARRAYS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+    "poses": (np.float64, (3,)),
+    "homes": (np.float64, (3,)),
+    "places": (np.bool_, (2,)),
+    "matched_readings": (np.int64, ()),
+    "ways_home": (np.float64, (7,)),
+}
+"""Type, and shape per robot, of a batch's arrays. Compiled code reads them by their address, so a
+wrong shape or type is worse than a wrong number."""
 _MEMBERS = {
     kind.__name__: tuple(name for name in vars(kind) if not name.startswith("_"))
     for kind in (Mapper, MapperBatch)
@@ -310,7 +319,9 @@ def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
     if spec.batch.startswith("albot_core."):  # Our own are checked by the tests.
         return mappers
     _check_members(mappers, "MapperBatch", spec, "batch")
-    return CheckedMappers(mappers, count, spec)
+    for name, (kind, shape) in _ARRAYS.items():
+        check_array(getattr(mappers, name), name, kind, (count, *shape), spec)
+    return mappers
 
 
 def _check_members(made: object, protocol: str, spec: MapperSpec, field: str) -> None:

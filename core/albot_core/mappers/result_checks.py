@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import TypeGuard
 
 import numpy as np
-from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import TRAVEL, Estimate, MapperSpec
@@ -186,35 +185,6 @@ def check_array(
         found = f"a {type(array).__name__}, {reprlib.repr(array)}"
     expected = f"a contiguous array of {np.dtype(kind)} of shape {shape}"
     raise InputError(f"mapper {spec.name}, batch", expected, found, place=name)
-
-
-def check_rows(
-    array: np.ndarray,
-    name: str,
-    rows: Int64[np.ndarray, "some"],
-    right: Bool[np.ndarray, "some"],
-    expected: str,
-    spec: MapperSpec,
-    readings: Int64[np.ndarray, "robots"],
-) -> None:
-    """Check that the values of some rows of a batch's array are right.
-
-    Args:
-        array: The array.
-        name: Its name in `MapperBatch`.
-        rows: The rows.
-        right: Whether the values of each of them are right.
-        expected: What was expected of them.
-        spec: The mappers' spec.
-        readings: Number of readings of each robot since its reset.
-
-    Raises:
-        InputError: A row is not right; the error names the first.
-    """
-    if not right.all():
-        row = int(rows[np.argmin(right)])
-        found = np.asarray(array[row])
-        raise _error(spec, int(readings[row]) - 1, f"{name}[{row}]", expected, found)
 
 
 def _is_array(value: object, size: int) -> TypeGuard[np.ndarray]:

@@ -14,6 +14,7 @@ import pytest
 from albot_core.errors import InputError
 from albot_core.mappers import registry
 from albot_core.mappers.albot1.config import Albot1Config
+from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import MapperSpec
 from albot_core.mappers.registry import (
     MAPPERS,
@@ -173,3 +174,60 @@ def test_by_its_own_class_or_by_its_name_a_mapper_is_the_same():
 def test_a_generator_decides_what_is_drawn():
     one, same, other = (make_mapper("grid", rng=np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert one._rng.random() == same._rng.random() != other._rng.random()
+
+
+COUNT = 3
+
+
+class OutsideBatch(LoopedMappers):
+    """A batch as somebody else may write it: a loop over the topological mapper."""
+
+    def __init__(self, count: int, *, config: Any, name: str) -> None:
+        single = f"{topological.__name__}:topological"
+        super().__init__([make_mapper(single, config=config) for _ in range(count)])
+        self.begin()
+
+    def begin(self) -> None:
+        """What is wrong from the beginning."""
+
+
+@pytest.fixture
+def outside(monkeypatch: pytest.MonkeyPatch) -> type[OutsideBatch]:
+    """The class of the batches that mapper `odd` makes."""
+    monkeypatch.setattr(registry, "MAPPERS", dict(registry.MAPPERS))
+    spec = mapper_spec(f"{topological.__name__}:topological")
+    register_mapper(dataclasses.replace(spec, name="odd", batch=f"{__name__}:OutsideBatch"))
+    return OutsideBatch
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("poses", np.zeros((COUNT, 2)), r"float64 of shape \(3, 3\), found one of float64 of"),
+        ("poses", np.zeros((COUNT, 3), np.float32), "found one of float32"),
+        ("poses", np.zeros((3, COUNT)).T, "found one that is not contiguous"),
+        ("homes", np.zeros((COUNT + 1, 3)), r"found one of float64 of shape \(4, 3\)"),
+        ("places", np.zeros((COUNT, 2), np.int8), "array of bool of .* found one of int8"),
+        ("matched_readings", np.full(COUNT, -1.0), "array of int64 of .* found one of float64"),
+        ("ways_home", [[0.0] * 7] * COUNT, "found a list"),
+        ("ways_home", None, "found a NoneType, None"),
+    ],
+)
+def test_arrays_have_their_type_and_shape(
+    outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch, name: str, value: Any, told: str
+) -> None:
+    monkeypatch.setattr(outside, "begin", lambda self: setattr(self, name, value))
+    with pytest.raises(InputError, match=f"^mapper odd, batch, {name}: expected .*{told}"):
+        make_mappers("odd", COUNT)
+
+
+def test_what_is_no_batch_is_refused(
+    outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{__name__}.OutsideBatch", lambda count, config, name: object())
+    with pytest.raises(InputError, match=r"^mapper odd, batch: expected the members of Mapper"):
+        make_mappers("odd", COUNT)
+
+
+def test_a_right_batch_is_what_is_made(outside: type[OutsideBatch]) -> None:
+    assert isinstance(make_mappers("odd", COUNT), outside)
