@@ -27,7 +27,7 @@ ENDLESS, WAITED = 300, 1800
 # No plugin of pytest is among them: it complains of plugins that it finds loaded.
 _LIBRARIES = (
     "numba", "llvmlite", "scipy.ndimage", "scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial",
-    "shapely", "networkx", "yaml", "jsonschema", "mcap.reader", "mcap.writer",
+    "shapely", "yaml", "jsonschema", "mcap.reader", "mcap.writer",
     "beartype", "gymnasium", "pymunk", "click", "PIL.Image", "matplotlib.figure",
     "torch", "stable_baselines3", "sb3_contrib",
 )  # fmt: skip

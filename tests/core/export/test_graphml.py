@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from albot_core.export.geojson import write_geojson
-from albot_core.export.graphml import place_graph_to_networkx, write_graphml
+from albot_core.export.graphml import write_graphml
 from albot_core.export.picture import draw_layer, write_picture
 from albot_core.mappers.albot1.places.network_view import Exit, Network, Place
 from albot_core.maps.layers import MapSnapshot, PlaceGraph, PlaceNode, SegmentsLayer
@@ -38,7 +38,10 @@ def network() -> PlaceGraph:
 def test_the_graph_has_places_and_exits(network, tmp_path):
     write_graphml(network, tmp_path / "a.graphml")
     graph = nx.read_graphml(tmp_path / "a.graphml", node_type=int, force_multigraph=True)
-    assert dict(graph.nodes(data=True)) == dict(place_graph_to_networkx(network).nodes(data=True))
+    assert graph.graph["frame"].startswith("metres; x forward")
+    assert set(graph.nodes) == {0, 2, 3}
+    assert graph.nodes[0]["home"] is True
+    assert [graph.nodes[one]["exits"] for one in (0, 2, 3)] == [2, 3, 1]
     assert graph.nodes[2] == {
         "label": "P3",
         "x": 10.0,
