@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from albot_core.archive import HEADER, ArchiveFormat
@@ -13,14 +12,12 @@ from albot_core.errors import InputError
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import MAPPERS, make_mapper, mapper_config, mapper_spec
 from albot_core.mappers.result_checks import check_state
-from albot_core.plain_data import LARGEST, Location, changed_fields
+from albot_core.mappers.schema import Schema
+from albot_core.plain_data import Location, changed_fields
 from albot_core.yaml_document import YamlDocument
 
 FORMAT = "albot-map"
 VERSION = 9
-
-_MOST = 2**53
-"""Largest count in a file; up to this, whole numbers are exact as floats."""
 
 _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 28)
 
@@ -58,12 +55,12 @@ def load_map(path: str | Path) -> Mapper:
     where = Location(f"{path}, {HEADER}, config", place=document.place)
     changed = {} if document.data is None else document.data
     mapper = make_mapper(name, config=mapper_config(mapper_spec(name), changed, where))
-    _check_state(path, mapper, state)
     try:
+        Schema.like(mapper.state()).check_types(state)
         mapper.restore(state)
     except InputError as error:
-        name = f"{error.source}.npy"
-        raise InputError(path, error.expected, error.found, place=name) from None
+        place = f"{error.source}.npy"
+        raise InputError(path, error.expected, error.found, place=place) from None
     return mapper
 
 
@@ -75,27 +72,3 @@ def _mapper_name(path: Path, header: dict[str, Any]) -> str:
         found = f"{name!r} (one from outside is known once its module is imported)"
         raise InputError(path, expected, found, place=HEADER)
     return name
-
-
-def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> None:
-    """Raise InputError unless the arrays have the names and types that the mapper keeps.
-
-    The mapper itself checks their shapes, and whether they fit together.
-    """
-    kept = mapper.state()
-    for name in sorted(kept.keys() | state.keys()):
-        if name not in state:
-            raise InputError(path, f"the array {name}", "none", place=f"{name}.npy")
-        if name not in kept:
-            raise InputError(path, f"only arrays of {mapper.spec.name}", name, place=f"{name}.npy")
-        mine, theirs = kept[name], state[name]
-        if (mine.dtype, mine.ndim) != (theirs.dtype, theirs.ndim):
-            raise InputError(
-                path,
-                f"{mine.ndim} dimensions of {mine.dtype}",
-                f"{theirs.ndim} of {theirs.dtype}",
-                place=f"{name}.npy",
-            )
-        most = LARGEST if theirs.dtype.kind == "f" else _MOST
-        if theirs.dtype.kind in "fi" and (np.abs(theirs[np.isfinite(theirs)]) > most).any():
-            raise InputError(path, f"numbers within ±{most:g}", "others", place=f"{name}.npy")

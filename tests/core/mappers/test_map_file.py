@@ -150,7 +150,7 @@ def npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
             "config, step: expected a number, found far|line 1",
         ),
         ({"pose": None}, "pose.npy: expected the array pose, found none"),
-        ({"extra": npy(np.zeros(3))}, "extra.npy: expected only arrays of odometry"),
+        ({"extra": npy(np.zeros(3))}, "extra.npy: expected only laid_at, pose"),
         ({"pose": npy(np.zeros(3, np.float32))}, "1 dimensions of float64, found 1 of float32"),
         ({"pose": npy(np.zeros((3, 1)))}, "1 dimensions of float64, found 2 of float64"),
         ({"pose": npy(np.zeros(3))[:-1]}, "pose.npy: expected 24 bytes in rows, found 23"),
@@ -175,9 +175,14 @@ ODOMETRY, ALBOT1 = "odometry", "albot1"
 @pytest.mark.parametrize(
     ("mapper", "array", "change", "message"),
     [
-        (ODOMETRY, "pose", lambda pose: pose[:2], r"pose\.npy: expected shape \(3,\), found"),
+        (ODOMETRY, "pose", lambda pose: pose[:2], r"pose\.npy: expected shape \(3,\), \(3\), f"),
         (ODOMETRY, "pose", lambda pose: pose * np.nan, r"pose\.npy: expected finite numbers"),
-        (ODOMETRY, "updates", lambda count: count - 99, r"updates\.npy: expected a count, found -"),
+        (
+            ODOMETRY,
+            "updates",
+            lambda count: count - 99,
+            r"updates\.npy: expected whole numbers from 0, f",
+        ),
         (ODOMETRY, "surfaces", lambda rows: rows[:, :3], r"surfaces\.npy: expected shape"),
         (ODOMETRY, "surfaces", lambda rows: rows * 1e17, r"surfaces\.npy: expected numbers within"),
         (ODOMETRY, "surfaces", lambda rows: rows * 1e7, "line segments of 1000 m at most, found"),

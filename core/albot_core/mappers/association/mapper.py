@@ -13,22 +13,28 @@ geometry of both, `odometer.py` what the odometer's turns are worth.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mappers.association.global_map import UNKNOWN, MapLimits, carry_over, normalise
 from albot_core.mappers.association.landmarks import ExpectedMotion, identify_landmarks
 from albot_core.mappers.association.odometer import OdometerModel
 from albot_core.mappers.association.surfaces import Surfaces
-from albot_core.mappers.mapper import Estimate, MapperSpec
-from albot_core.mappers.registry import mapper_spec
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
+from albot_core.mappers.mapper import Estimate
+from albot_core.mappers.schema import (
+    LONGEST,
+    Arrays,
+    Field,
+    Pack,
+    Schema,
+    Sizes,
+    StoredMapper,
+    refuse_unless,
+)
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import Reading
@@ -92,22 +98,17 @@ _NO_MOTION = 1e-9
 """The odometer reports no motion if it is less (m, rad). Ours."""
 _SURE_TURN = np.radians(1.0)
 """The odometer is judged by turns with a smaller standard deviation (rad). Ours."""
-_SHAPES: dict[str, Shape] = {
-    "pose": (3,),
-    "view_pose": (3,),
-    "motion": (3,),
-    "counts": (2,),
-    "odometer": (4,),
-    "surfaces": ("surfaces", 4),
-    "lengths": ("surfaces",),
-    "view.surfaces": ("seen", 4),
-    "view.lengths": ("seen",),
-    "view.ids": ("seen",),
-}
-"""The arrays of a state."""
+_SOME_LENGTH = (1e-300, LONGEST)
+"""Lengths of line segments that are no points (m)."""
 
 
-class Association:
+def _check_ids(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless each surface of the map is at most one of the latest view."""
+    known = state["view.ids"][state["view.ids"] != UNKNOWN]
+    refuse_unless(len(np.unique(known)) == len(known), "view.ids", "each surface once", known)
+
+
+class Association(StoredMapper):
     """Mapping by landmark association.
 
     Args:
@@ -115,15 +116,23 @@ class Association:
         name: The name under which the mapper is known.
     """
 
-    def __init__(self, config: AssociationConfig | None = None, name: str = "association") -> None:
-        self._name = name
-        self.config = config or AssociationConfig()
-        self.reset(np.random.default_rng(0))
+    config: AssociationConfig
+    SCHEMA = Schema(
+        Field("pose", "3"),
+        Field("view_pose", "3"),
+        Field("motion", "3"),
+        Pack("counts", int, Field("views", least=0), Field("is_lost", "", bool)),
+        Field("odometer", "4", at="_odometer.sums", least=(-np.inf, 0, 0, 0)),
+        Field("surfaces", "surfaces 4", at="_store", used="_count", lengths=_SOME_LENGTH),
+        Field("lengths", "surfaces", used="_count", above=0),
+        Field("view.surfaces", "seen 4", at="_view", lengths=_SOME_LENGTH),
+        Field("view.lengths", "seen", at="_view_lengths", above=0),
+        Field("view.ids", "seen", int, at="_ids", least=UNKNOWN, below="surfaces"),
+        rules=(_check_ids,),
+    )
 
-    @property
-    def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
-        return mapper_spec(self._name)
+    def __init__(self, config: AssociationConfig | None = None, name: str = "association") -> None:
+        super().__init__(config or AssociationConfig(), name)
 
     @property
     def estimate(self) -> Estimate:
@@ -284,56 +293,3 @@ class Association:
         surfaces = self._store[: self._count].copy()
         surfaces.flags.writeable = False
         return MapSnapshot(layers=(SegmentsLayer(segments=surfaces),))
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
-        return {
-            "pose": self._pose.copy(),
-            "view_pose": self._view_pose.copy(),
-            "motion": self._motion.copy(),
-            "counts": np.array((self._views, self._is_lost), np.int64),
-            "odometer": self._odometer.sums.copy(),
-            "surfaces": self._store[: self._count].copy(),
-            "lengths": self._lengths[: self._count].copy(),
-            "view.surfaces": self._view.copy(),
-            "view.lengths": self._view_lengths.copy(),
-            "view.ids": self._ids.copy(),
-        }
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
-
-        Raises:
-            InputError: The arrays are none that a state holds.
-        """
-        check_shapes(state, _SHAPES)
-        check_finite(state, *(name for name in _SHAPES if name not in ("counts", "view.ids")))
-        for name, length in (("surfaces", "lengths"), ("view.surfaces", "view.lengths")):
-            check_lengths(name, state[name])
-            if (state[name][:, :2] == state[name][:, 2:]).all(axis=1).any():
-                raise InputError(name, "line segments of some length", "a point")
-            if (state[length] <= 0).any():
-                raise InputError(length, "positive lengths (m)", f"{state[length].min():g}")
-        views, lost = state["counts"].tolist()
-        if views < 0 or lost not in (0, 1):
-            raise InputError("counts", "a count and 0 or 1", str(state["counts"].tolist()))
-        if (state["odometer"][1:] < 0).any():
-            found = str(state["odometer"].tolist())
-            raise InputError("odometer", "a sum, and three sums from 0", found)
-        ids, count = state["view.ids"], len(state["surfaces"])
-        known = ids[ids != UNKNOWN]
-        if len(known) and (
-            known.min() < 0 or known.max() >= count or len(np.unique(known)) < len(known)
-        ):
-            expected = f"{UNKNOWN}, or numbers of {count} surfaces, each once"
-            raise InputError("view.ids", expected, str(ids.tolist()))
-        self._pose = state["pose"].copy()
-        self._view_pose = state["view_pose"].copy()
-        self._motion = state["motion"].copy()
-        self._odometer = OdometerModel(0.5 * self.config.angle)
-        self._odometer.sums = state["odometer"].copy()
-        self._views, self._is_lost = views, bool(lost)
-        self._store, self._count = state["surfaces"].copy(), count
-        self._lengths = state["lengths"].copy()
-        self._view, self._ids = state["view.surfaces"].copy(), ids.copy()
-        self._view_lengths = state["view.lengths"].copy()

@@ -8,7 +8,6 @@ shows the effect of the odometer's error: a place seen twice is drawn twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -28,7 +27,7 @@ from albot_core.kernels.arguments import (
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
+from albot_core.mappers.schema import LONGEST, Arrays, Field, Schema
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, check_fields
@@ -61,14 +60,14 @@ class OdometryConfig:
         check_fields(self, FROM_ONE, "capacity")
 
 
-_SHAPES: dict[str, Shape] = {
-    "pose": (3,),
-    "laid_at": (3,),
-    "updates": (),
-    "travel": (),
-    "surfaces": ("surfaces", 4),
-}
-"""The arrays of a state."""
+SCHEMA = Schema(
+    Field("pose", "3"),
+    Field("laid_at", "3"),
+    Field("updates", "", int, least=0),
+    Field("travel", least=0),
+    Field("surfaces", "surfaces 4", lengths=(0, LONGEST)),
+)
+"""The state of a robot's mapper."""
 
 
 class OdometryBatch:
@@ -178,26 +177,23 @@ class OdometryBatch:
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Return everything that a row's mapper remembers, as arrays by name."""
-        return {
-            "pose": self.poses[row].copy(),
-            "laid_at": self._laid_at[row].copy(),
-            "updates": np.array(self.updates[row]),
-            "travel": np.array(self.ways_home[row, TRAVEL]),
-            "surfaces": self.snapshot(row).segments.copy(),
-        }
+        return SCHEMA.arrays(
+            {
+                "pose": self.poses[row],
+                "laid_at": self._laid_at[row],
+                "updates": self.updates[row],
+                "travel": self.ways_home[row, TRAVEL],
+                "surfaces": self.snapshot(row).segments,
+            }
+        )
 
-    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
+    def restore(self, row: int, state: Arrays) -> None:
         """Restore a row's mapper from what `state` returned.
 
         Raises:
             InputError: The arrays are not a state of such a mapper.
         """
-        check_shapes(state, _SHAPES)
-        check_finite(state, "pose", "laid_at", "travel", "surfaces")
-        check_lengths("surfaces", state["surfaces"])
-        for name, expected in (("updates", "a count"), ("travel", "a length")):
-            if state[name] < 0:
-                raise InputError(name, expected, str(state[name]))
+        SCHEMA.check(state)
         self.poses[row], self._laid_at[row] = state["pose"], state["laid_at"]
         self.updates[row], self.ways_home[row, TRAVEL] = state["updates"], state["travel"]
         self._stores[row] = state["surfaces"].copy()

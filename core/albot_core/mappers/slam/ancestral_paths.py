@@ -2,24 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
 from albot_core.mappers.slam.tiles import NONE
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
 _SLACK = 4096
 """Poses of dead particles are dropped once there are this many more poses than twice those kept."""
 
 
-class AncestralPaths:
+def _check_paths(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless the path of each particle has a pose at each update."""
+    before, last, updates = state["path.before"], state["path.last"], sizes["path.updates"]
+    particles = sizes["particles"] if updates else 0
+    refuse_unless(
+        len(last) == particles, "path.last", f"a pose for each of {particles} particles", len(last)
+    )
+    numbers = np.zeros(len(before), np.int64)
+    count_steps(before, numbers)  # A predecessor has a lower index.
+    is_right = (numbers[last] == updates - 1).all()
+    refuse_unless(is_right, "path.updates", "the poses of every path", updates)
+    is_right = bool(updates) == bool(sizes["readings"])
+    refuse_unless(is_right, "path.reading_updates", f"numbers below {updates}")
+
+
+class AncestralPaths(Stored):
     """The poses of all particles at all updates, and the odometry between updates."""
+
+    SCHEMA = Schema(
+        Field("path.poses", "poses 3", used="_count"),
+        Field("path.before", "poses", int, used="_count", least=NONE, below="row"),
+        Field("path.last", "last", int, least=0, below="poses"),
+        Field("path.updates", "", int, at="updates", least=0),
+        Field(
+            "path.reading_updates", "readings", int, used="readings", least=0, below="path.updates"
+        ),
+        Field("path.reading_motions", "readings 3", used="readings"),
+        rules=(_check_paths,),
+    )
 
     def __init__(self) -> None:
         self._poses = np.zeros((0, 3))
@@ -72,59 +98,12 @@ class AncestralPaths:
         at = self._reading_updates[: self.readings]
         return compose(self.poses_of(particle)[at], self._reading_motions[: self.readings])
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the paths as arrays by name."""
+    def _stored(self) -> dict[str, Any]:
         self._drop_dead()
-        return {
-            "path.poses": self._poses[: self._count].copy(),
-            "path.before": self._before[: self._count].copy(),
-            "path.last": self._last.copy(),
-            "path.updates": np.array(self.updates, np.int64),
-            "path.reading_updates": self._reading_updates[: self.readings].copy(),
-            "path.reading_motions": self._reading_motions[: self.readings].copy(),
-        }
+        return {}
 
-    def restore(self, state: Mapping[str, np.ndarray], particles: int) -> None:
-        """Restore the paths that `state` returned, for this number of particles.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        check_shapes(
-            state,
-            {
-                "path.poses": ("poses", 3),
-                "path.before": ("poses",),
-                "path.last": ("particles",),
-                "path.updates": (),
-                "path.reading_updates": ("readings",),
-                "path.reading_motions": ("readings", 3),
-            },
-        )
-        check_finite(state, "path.poses", "path.reading_motions")
-        poses, before, last = state["path.poses"], state["path.before"], state["path.last"]
-        updates, readings = int(state["path.updates"]), state["path.reading_updates"]
-        # The position of each pose in its path, from 0; a predecessor has a lower index.
-        numbers = np.zeros(len(poses), np.int64)
-        if (before < NONE).any() or (before >= np.arange(len(poses))).any():
-            raise InputError("path.before", "poses that stand before", "others")
-        count_steps(before, numbers)
-        expected = particles if updates else 0
-        if len(last) != expected or last.min(initial=0) < 0 or (last >= len(poses)).any():
-            raise InputError("path.last", f"a pose for each of {expected} particles", "others")
-        if (numbers[last] != updates - 1).any():
-            raise InputError("path.updates", "the poses of every path", str(updates))
-        if (
-            (readings < 0).any()
-            or (readings >= updates).any()
-            or bool(updates) != bool(len(readings))
-        ):
-            raise InputError("path.reading_updates", f"numbers below {updates}", "others")
-        self._poses, self._before, self._last = poses.copy(), before.copy(), last.copy()
-        self._count = self._kept = len(poses)
-        self._reading_updates = readings.copy()
-        self._reading_motions = state["path.reading_motions"].copy()
-        self.updates, self.readings = updates, len(readings)
+    def _restored(self, state: Arrays) -> None:
+        self._kept = self._count
 
     def _drop_dead(self) -> None:
         """Drop the poses that are on no particle's path. The others keep their order."""

@@ -20,14 +20,14 @@ those of a node come after those of its ancestors. A node lists its observed squ
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int16, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Poses
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, lead_out, refuse_unless
 from albot_core.mappers.slam.ancestry import count_known, known_beams, order_nodes
 from albot_core.mappers.slam.observations import (
     CHUNK,
@@ -38,8 +38,7 @@ from albot_core.mappers.slam.observations import (
     add_observation,
     made_square_at,
 )
-from albot_core.mappers.slam.tiles import NONE, TILE, extend_index
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.mappers.slam.tiles import NONE, TILE, extend_index, fit_an_index
 
 _FAR = 1e12
 """Largest coordinate (m); farther ones are clipped, so that tiles can be counted."""
@@ -47,13 +46,45 @@ _SPARE_CHUNKS = 2
 """Largest number of extra chunks that are needed while two lists of squares are merged."""
 
 
-class DistributedMap:
+def _check_tree(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless the nodes are a tree."""
+    parents, expected = state["tree.parents"], "a tree with one root"
+    is_node = parents >= NONE
+    is_right = (parents == NONE).sum() == 1 and is_node[parents[parents >= 0]].all()
+    refuse_unless(is_right and lead_out(np.maximum(parents, NONE)), "tree.parents", expected)
+
+
+def _check_observations(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless nodes observed squares, each once, and some in every tile."""
+    counts, owners = state["map.counts"], state["map.owners"]
+    is_filled = counts.any(axis=1).all()
+    refuse_unless(is_filled, "map.counts", "an observation in every tile", "none in one")
+    are_nodes = (state["tree.parents"][owners] >= NONE).all()
+    refuse_unless(are_nodes, "map.owners", "nodes of the tree")
+    squares = np.repeat(np.arange(counts.size), counts.ravel())
+    is_right = len(np.unique(squares * sizes["nodes"] + owners)) == len(owners)
+    refuse_unless(is_right, "map.owners", "each node once in a square", "one twice")
+    refuse_unless((state["map.beams"][:, 1] > 0).all(), "map.beams", "positive distances")
+
+
+class DistributedMap(Stored):
     """The one map of all particles, with their ancestry tree.
 
     Args:
         particles: Largest number of particles.
         cell: Side of a grid square (m).
     """
+
+    SCHEMA = Schema(
+        Field("tree.parents", "nodes", np.int16, at=None, least=NONE - 1, below="nodes"),
+        Field("map.places", "tiles 2", int, at=None, once=True),
+        Field(
+            "map.counts", f"tiles {TILE_SQUARES}", np.int16, at=None, least=0, sums="observations"
+        ),
+        Field("map.owners", "observations", np.int16, at=None, least=0, below="nodes"),
+        Field("map.beams", "observations 2", np.float32, at=None, least=0),
+        rules=(fit_an_index("map.places"), _check_tree, _check_observations),
+    )
 
     def __init__(self, particles: int, cell: float) -> None:
         self.cell = cell
@@ -214,97 +245,44 @@ class DistributedMap:
             below[is_above[:, node]] += 1
         return int(count_known(self.arrays, below, is_above))
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the tree, and all observations tile by tile, as arrays by name."""
+    def _sizes(self) -> dict[str, Any]:
+        return {"nodes": len(self.tree.parent)}
+
+    def _stored(self) -> dict[str, np.ndarray]:
+        # All observations, tile by tile.
         arrays, tree = self.arrays, self.tree
         known = np.argwhere(arrays.tiles != NONE)
         tiles = arrays.tiles[known[:, 0], known[:, 1]]
-        counts = arrays.counts.reshape(-1, TILE_SQUARES)[tiles]
         owners = np.empty(self.observations, np.int16)
         beams = np.empty((self.observations, 2), np.float32)
         gather(arrays, tiles, owners, beams)
-        # Neither the root nor an unused node has a parent, so unused nodes are marked NONE - 1.
-        parents = np.where(tree.children == NONE, NONE - 1, tree.parent).astype(np.int16)
         return {
-            "tree.parents": parents,
+            # Neither the root nor an unused node has a parent; unused nodes are marked NONE - 1.
+            "tree.parents": np.where(tree.children == NONE, NONE - 1, tree.parent),
             "map.places": known + arrays.corner,
-            "map.counts": counts,
+            "map.counts": arrays.counts.reshape(-1, TILE_SQUARES)[tiles],
             "map.owners": owners,
             "map.beams": beams,
         }
 
-    def restore(
-        self, state: Mapping[str, np.ndarray], nodes: Int16[np.ndarray, "particles"]
-    ) -> None:
-        """Restore the map that `state` returned. This map must be fresh.
-
-        Args:
-            state: The arrays.
-            nodes: The nodes of the particles.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        check_shapes(
-            state,
-            {
-                "tree.parents": (len(self.tree.parent),),
-                "map.places": ("tiles", 2),
-                "map.counts": ("tiles", TILE_SQUARES),
-                "map.owners": ("observations",),
-                "map.beams": ("observations", 2),
-            },
-        )
-        check_finite(state, "map.beams")
-        places, counts = state["map.places"], state["map.counts"].astype(np.int64)
-        owners, beams = state["map.owners"], state["map.beams"]
-        self._restore_tree(state["tree.parents"], nodes)
-        if counts.min(initial=0) < 0 or (counts.size and counts.sum() != len(owners)):
-            raise InputError("map.counts", f"{len(owners)} in sum", str(counts.sum()))
-        if not counts.any(axis=1).all():
-            raise InputError("map.counts", "an observation in every tile", "none in one")
-        is_node = self.tree.children != NONE
-        if not np.isin(owners, np.flatnonzero(is_node)).all():
-            raise InputError("map.owners", "nodes of the tree", "others")
-        squares = np.repeat(np.arange(counts.size), counts.ravel())
-        if len(np.unique(squares * len(self.tree.parent) + owners)) != len(owners):
-            raise InputError("map.owners", "each node once in a square", "one twice")
-        if beams.min(initial=0) < 0 or (beams[:, 1] == 0).any():
-            raise InputError("map.beams", "counts, and positive distances", "others")
-        if len(np.unique(places, axis=0)) != len(places):
-            raise InputError("map.places", "each tile once", "one twice")
+    def _restored(self, state: Arrays) -> None:
+        """Restore the map. It must be fresh."""
+        tree, parents = self.tree, state["tree.parents"]
+        is_node = parents >= NONE
+        tree.parent[:] = np.maximum(parents, NONE)
+        children = np.bincount(parents[parents >= 0], minlength=len(parents))
+        tree.children[:] = np.where(is_node, children, NONE)
+        order_nodes(tree)
+        places, counts, owners = (state[f"map.{name}"] for name in ("places", "counts", "owners"))
         if not len(places):
             return
         low, high = places.min(axis=0), places.max(axis=0) + 1
         self.reserve_tiles(low, high)
-        needed = np.ceil(np.log2(np.maximum(counts, 2))).astype(np.int64)
+        needed = np.ceil(np.log2(np.maximum(counts.astype(np.int64), 2))).astype(np.int64)
         # A block is doubled until it is large enough; its smaller predecessors remain free.
-        chunks = len(owners) // CHUNK + len(self.tree.parent)
+        chunks = len(owners) // CHUNK + len(tree.parent)
         self.reserve_observations(int((2 << needed).sum()), chunks)
-        scatter(self.arrays, self.tree, places - low, state["map.counts"], owners, beams)
-
-    def _restore_tree(
-        self, parents: Int16[np.ndarray, "nodes"], nodes: Int16[np.ndarray, "particles"]
-    ) -> None:
-        """Restore the tree, which must be one that `prune` and `add_node` can make."""
-        tree, count = self.tree, len(parents)
-        is_node = parents >= NONE
-        expected = "a tree, of whose nodes each has two children or is a particle's"
-        if parents.min() < NONE - 1 or parents.max() >= count or (parents == NONE).sum() != 1:
-            raise InputError("tree.parents", expected, "other parents")
-        children = np.bincount(parents[parents >= 0], minlength=count)
-        is_leaf = np.zeros(count, np.bool_)
-        if nodes.min() < 0 or nodes.max() >= count or len(np.unique(nodes)) != len(nodes):
-            raise InputError("particles.nodes", "nodes of the tree, each once", "others")
-        is_leaf[nodes] = True
-        if (children[~is_node] > 0).any() or not is_node[nodes].all():
-            raise InputError("tree.parents", expected, "parents that are no nodes")
-        if (children[is_leaf] > 0).any() or (children[is_node & ~is_leaf] < 2).any():
-            raise InputError("tree.parents", expected, "another number of children")
-        tree.parent[:] = np.where(is_node, np.maximum(parents, NONE), NONE)
-        tree.children[:] = np.where(is_node, children, NONE)
-        if order_nodes(tree) != is_node.sum():
-            raise InputError("tree.parents", expected, "nodes that the root does not lead to")
+        scatter(self.arrays, self.tree, places - low, counts, owners, state["map.beams"])
 
 
 def _grown(array: np.ndarray, more: int, value: int = 0) -> np.ndarray:

@@ -8,18 +8,24 @@ this mapper.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int16, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
-from albot_core.mappers.random_state import generator_of, generator_state
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.mapper import Estimate, WayHome
+from albot_core.mappers.schema import (
+    Arrays,
+    Field,
+    Schema,
+    Sizes,
+    StoredMapper,
+    generator,
+    refuse_unless,
+)
 from albot_core.mappers.slam.ancestral_paths import AncestralPaths
 from albot_core.mappers.slam.ancestry import (
     LocalMap,
@@ -36,7 +42,6 @@ from albot_core.mappers.slam.opacity import Beams, slots_needed, used_beams, wei
 from albot_core.mappers.slam.scan_entry import enter_scan
 from albot_core.mappers.slam.tiles import NONE
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import (
     MapSnapshot,
     OccupancyGridLayer,
@@ -51,7 +56,22 @@ _SCANS = 4
 """Number of scans whose squares the local map can hold."""
 
 
-class DpSlam:
+def _check_particles(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless there are few enough particles, and they are the tree's leaves."""
+    nodes, most = state["particles.nodes"], sizes["most_particles"]
+    refuse_unless(1 <= len(nodes) <= most, "particles.poses", f"1 to {most} particles", len(nodes))
+    parents = state["tree.parents"]
+    children = np.bincount(parents[parents >= 0], minlength=len(parents))
+    is_inner = parents >= NONE
+    refuse_unless(
+        is_inner[nodes].all() and not children[nodes].any(), "particles.nodes", "leaves of the tree"
+    )
+    is_inner[nodes] = False
+    expected = "a tree, of whose nodes each has two children or is a particle's"
+    refuse_unless((children[is_inner] >= 2).all(), "tree.parents", expected)
+
+
+class DpSlam(StoredMapper):
     """DP-SLAM's particles, and the one map that they share.
 
     It knows a way home (`RouteHome`) and corrects earlier poses (`CorrectedTrajectory`): both use
@@ -62,18 +82,28 @@ class DpSlam:
         name: The mapper's name in the registry.
     """
 
-    def __init__(self, config: DpSlamConfig | None = None, name: str = "dp-slam") -> None:
-        self._name = name
-        self.config = config or DpSlamConfig()
-        self._model = self.config.laser_model
-        self._local: LocalMap | None = None
-        self._route = RouteKeeper(self.config.way_home)
-        self.reset(np.random.default_rng(0))
+    config: DpSlamConfig
+    _local: LocalMap | None
+    SCHEMA = Schema(
+        generator("rng"),
+        Field("moved", "3"),
+        Field("best", "", int, least=0, below="particles"),
+        Field("localised", "", int, at="_is_localised", least=0, most=1),
+        Field("particles.poses", "particles 3"),
+        Field("particles.nodes", "particles", np.int16, least=0, below="nodes", once=True),
+        Field("particles.draws", "particles", int, least=1, sums="samples"),
+        parts=("_paths", "_map"),
+        rules=(_check_particles,),
+    )
 
-    @property
-    def spec(self) -> MapperSpec:
-        """The mapper's entry in the registry."""
-        return mapper_spec(self._name)
+    def __init__(self, config: DpSlamConfig | None = None, name: str = "dp-slam") -> None:
+        config = config or DpSlamConfig()
+        self._model, self._local = config.laser_model, None
+        self._route = RouteKeeper(config.way_home)
+        super().__init__(config, name)
+
+    def _sizes(self) -> dict[str, Any]:
+        return {"samples": self.config.sample_count, "most_particles": self.config.particles}
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. Draws no random number."""
@@ -301,54 +331,6 @@ class DpSlam:
     def corrected_poses(self) -> Poses:
         """Return the poses at all readings, along the best particle's ancestors."""
         return self._paths.poses_at_readings(self._best)
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the mapper's state as arrays by name."""
-        return {
-            "rng": generator_state(self._rng),
-            "moved": self._moved.copy(),
-            "best": np.array(self._best, np.int64),
-            "localised": np.array(self._is_localised, np.int64),
-            "particles.poses": self._poses.copy(),
-            "particles.nodes": self._nodes.copy(),
-            "particles.draws": self._draws.copy(),
-            **self._paths.state(),
-            **self._map.state(),
-        }
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the state that `state` returned.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        shapes = {"particles.poses": ("particles", 3), "moved": (3,), "rng": (6,)}
-        shapes |= {"best": (), "localised": ()}
-        shapes |= dict.fromkeys(("particles.nodes", "particles.draws"), ("particles",))
-        check_shapes(state, shapes)
-        check_finite(state, "particles.poses", "moved")
-        poses, draws = state["particles.poses"], state["particles.draws"]
-        if not 1 <= len(poses) <= self.config.particles:
-            expected = f"1 to {self.config.particles} particles"
-            raise InputError("particles.poses", expected, str(len(poses)))
-        if draws.min() < 1 or draws.sum() != self.config.sample_count:
-            raise InputError(
-                "particles.draws", f"{self.config.sample_count} samples", str(draws.sum())
-            )
-        if not 0 <= state["best"] < len(poses):
-            raise InputError("best", "one of the particles", str(state["best"]))
-        if state["localised"] not in (0, 1):
-            raise InputError("localised", "0 or 1", str(state["localised"]))
-        paths = AncestralPaths()
-        paths.restore(state, len(poses))
-        distributed = DistributedMap(self.config.particles, self.config.cell)
-        distributed.restore(state, state["particles.nodes"])
-        self._rng = generator_of(state["rng"])
-        self._map, self._paths = distributed, paths
-        self._poses, self._draws = poses.copy(), draws.copy()
-        self._nodes, self._best = state["particles.nodes"].copy(), int(state["best"])
-        self._moved, self._is_localised = state["moved"].copy(), bool(state["localised"])
-        self._route.forget()
 
 
 @kernel()

@@ -10,8 +10,7 @@ window follows from the graph's uncertainty (E. Olson, RAS 57, 2009).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int32
@@ -19,14 +18,22 @@ from jaxtyping import Float64, Int32
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_points
 from albot_core.geometry.types import Pose, Poses
-from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.mapper import Estimate, WayHome
+from albot_core.mappers.schema import (
+    Arrays,
+    Field,
+    Pack,
+    Schema,
+    Sizes,
+    StoredMapper,
+    refuse_unless,
+)
 from albot_core.mappers.slam.graph_slam_config import GraphSlamConfig
 from albot_core.mappers.slam.grid import LogOddsGrid
+from albot_core.mappers.slam.laser_state import check_laser, laser_numbers, laser_of
 from albot_core.mappers.slam.local_map import LocalMap, Match, ScanPoints, scan_points
 from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import (
     MapSnapshot,
     PlaceEdge,
@@ -37,7 +44,7 @@ from albot_core.maps.layers import (
 from albot_core.matching.correlation import Window, correlate_above
 from albot_core.matching.likelihood_field import LikelihoodField
 from albot_core.matching.refinement import refine
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import LaserScan, Reading
 
 
 class Keyframe(NamedTuple):
@@ -51,7 +58,13 @@ class Keyframe(NamedTuple):
     """Index of its reading."""
 
 
-class GraphSlam:
+def _check_firsts(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless keyframes begin with the first reading."""
+    for name in ("readings.followed", "keyframes.reading"):
+        refuse_unless(not state[name][:1].any(), name, "numbers that grow from 0")
+
+
+class GraphSlam(StoredMapper):
     """The mapper graph SLAM; it corrects earlier poses and knows a way home.
 
     Args:
@@ -59,18 +72,35 @@ class GraphSlam:
         name: The mapper's name in the registry.
     """
 
-    def __init__(self, config: GraphSlamConfig | None = None, name: str = "graph-slam") -> None:
-        self.config = config or GraphSlamConfig()
-        self._name = name
-        self._local = LocalMap(self.config.matching)
-        self._route = RouteKeeper(self.config.way_home)
-        self._chain = LikelihoodField(self.config.closures.field)
-        self.reset(np.random.default_rng(0))
+    config: GraphSlamConfig
+    SCHEMA = Schema(
+        Field("pose", "3"),
+        Pack(
+            "counts",
+            int,
+            Field("matched", least=-1, below="readings"),
+            Field("version", least=0),
+            Field("waiting", least=0),
+            Field("is_localised", "", bool),
+            Field("beams"),
+            at=None,
+        ),
+        Field("laser", "6", at=None),
+        Field("readings.offset", "readings 3", at="_offsets"),
+        Field("readings.followed", "readings", int, least=0, below="keyframes", rising=True),
+        Field("keyframes.ranges", "keyframes beams", at=None, least=0, finite=False),
+        Field(
+            "keyframes.reading", "keyframes", int, at=None, least=0, below="readings", rising=True
+        ),
+        parts=("graph", "_local"),
+        rules=(_check_firsts, check_laser),
+    )
 
-    @property
-    def spec(self) -> MapperSpec:
-        """The mapper's entry in the registry."""
-        return mapper_spec(self._name)
+    def __init__(self, config: GraphSlamConfig | None = None, name: str = "graph-slam") -> None:
+        config = config or GraphSlamConfig()
+        self._local, self._route = LocalMap(config.matching), RouteKeeper(config.way_home)
+        self._chain = LikelihoodField(config.closures.field)
+        super().__init__(config, name)
 
     @property
     def estimate(self) -> Estimate:
@@ -303,88 +333,23 @@ class GraphSlam:
         self._drawn = self.graph.closures, len(self._keyframes), grid
         return grid
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the mapper's state as arrays by name."""
-        keyframes = self._keyframes
-        laser = keyframes[0].scan.geometry if keyframes else LaserGeometry(beams=2)
-        numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
-        counts = (self._matched, self._version, self._waiting, self._is_localised, laser.beams)
-        scans = [keyframe.scan.ranges for keyframe in keyframes]
+    def _stored(self) -> dict[str, Any]:
+        scans = [keyframe.scan for keyframe in self._keyframes]
+        laser, ranges = laser_numbers(scans)
+        counts = self._matched, self._version, self._waiting, self._is_localised, ranges.shape[1]
         return {
-            "pose": self._pose.copy(),
-            "counts": np.array(counts, np.int64),
-            "laser": np.array(numbers),
-            "readings.offset": np.array(self._offsets).reshape(-1, 3),
-            "readings.followed": np.array(self._followed, np.int64),
-            "keyframes.ranges": np.array(scans).reshape(-1, laser.beams),
-            "keyframes.reading": np.array([key.reading for key in keyframes], np.int64),
-            **self.graph.state(),
-            **self._local.state(),
+            "counts": counts,
+            "laser": laser,
+            "keyframes.ranges": ranges,
+            "keyframes.reading": [keyframe.reading for keyframe in self._keyframes],
         }
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the state that `state` returned.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        laser = _check_state(state)
-        graph = PoseGraph(self.config.cauchy, self.config.dcs)
-        graph.restore(state)
-        self._local.restore(state)
-        self.graph = graph
-        scans = [LaserScan(ranges=row, geometry=laser) for row in state["keyframes.ranges"].copy()]
-        self._keyframes = [
-            Keyframe(scan, scan_points(scan, self.config.matching), reading)
-            for scan, reading in zip(scans, state["keyframes.reading"].tolist(), strict=True)
-        ]
-        self._pose = state["pose"].copy()
-        self._offsets = list(state["readings.offset"].copy())
-        self._followed = state["readings.followed"].tolist()
+    def _restored(self, state: Arrays) -> None:
+        laser = laser_of(state["laser"], int(state["counts"][-1]))
+        for ranges, reading in zip(
+            state["keyframes.ranges"].copy(), state["keyframes.reading"].tolist(), strict=True
+        ):
+            scan = LaserScan(ranges=ranges, geometry=laser)
+            self._keyframes.append(Keyframe(scan, scan_points(scan, self.config.matching), reading))
         self._matched, self._version, self._waiting, localised, _ = state["counts"].tolist()
         self._is_localised = bool(localised)
-        self._is_surprised, self._drawn = False, None
-        self._route.forget()
-
-
-def _check_state(state: Mapping[str, np.ndarray]) -> LaserGeometry:
-    """Check a state; return the laser of its scans.
-
-    Raises:
-        InputError: The arrays are not a valid state.
-    """
-    shapes: dict[str, tuple[str | int, ...]] = {
-        "pose": (3,),
-        "counts": (5,),
-        "laser": (6,),
-        "readings.offset": ("readings", 3),
-        "readings.followed": ("readings",),
-        "keyframes.pose": ("keyframes", 3),
-        "keyframes.ranges": ("keyframes", "beams"),
-        "keyframes.reading": ("keyframes",),
-    }
-    check_shapes(state, shapes)
-    check_finite(state, "pose", "laser", "readings.offset")
-    keyframes, readings = len(state["keyframes.pose"]), len(state["readings.offset"])
-    matched, version, waiting, localised, beams = state["counts"].tolist()
-    if not (
-        -1 <= matched < max(readings, 1) and min(version, waiting) >= 0 and localised in (0, 1)
-    ):
-        raise InputError("counts", "a reading, two counts, 0 or 1", str(state["counts"].tolist()))
-    if beams != state["keyframes.ranges"].shape[1]:
-        raise InputError("keyframes.ranges", f"{beams} beams", str(state["keyframes.ranges"].shape))
-    for name, end in (("readings.followed", keyframes), ("keyframes.reading", readings)):
-        numbers = state[name]
-        if len(numbers) and (numbers[0] != 0 or (np.diff(numbers) < 0).any() or numbers[-1] >= end):
-            raise InputError(name, f"numbers that grow from 0 to less than {end}", "others")
-    first_bearing, spacing, most, *mount = state["laser"].tolist()
-    try:
-        return LaserGeometry(
-            beams=beams,
-            first_bearing=first_bearing,
-            spacing=spacing,
-            max_range=most,
-            mount=(mount[0], mount[1], mount[2]),
-        )
-    except InputError as error:
-        raise InputError("laser", error.expected, error.found) from None

@@ -10,8 +10,8 @@ Several grids may share tiles (see `tiles`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, Int64
@@ -19,21 +19,21 @@ from jaxtyping import Float32, Float64, Int32, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.schema import Arrays, Field, Schema, Stored
 from albot_core.mappers.slam.tiles import (
-    MOST_TILES,
     NONE,
     TILE,
     TILE_BITS,
     PoolArrays,
     TilePool,
     extend_index,
+    fit_an_index,
     release_tiles,
     take_tile,
     tiles_around,
     writable_tile,
 )
 from albot_core.mappers.slam.way_home import Ground
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
@@ -75,14 +75,32 @@ class GridConfig:
         shares = np.array((self.hit, self.miss, self.least, self.most))
         return np.log(shares / (1.0 - shares)).astype(np.float32)
 
+    @property
+    def bounds(self) -> dict[str, Any]:
+        """The lowest and the highest log odds of a cell."""
+        return dict(zip(("lowest", "highest"), self.log_odds[2:], strict=True))
 
-class LogOddsGrid:
+
+class LogOddsGrid(Stored):
     """An occupancy grid in the map's frame.
 
     Args:
         config: The grid's parameters.
         pool: The pool of its tiles; None for a new pool.
     """
+
+    SCHEMA = Schema(
+        Field("grid.places", "tiles 2", int, at=None, once=True),
+        Field(
+            "grid.cells",
+            f"tiles {TILE} {TILE}",
+            np.float32,
+            at=None,
+            least="lowest",
+            most="highest",
+        ),
+        rules=(fit_an_index("grid.places"),),
+    )
 
     def __init__(self, config: GridConfig, pool: TilePool | None = None) -> None:
         self.config = config
@@ -182,38 +200,21 @@ class LogOddsGrid:
             occupancy=np.where(cells == 0, np.float32(np.nan), shares).astype(np.float32),
         )
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the known tiles as arrays by name."""
+    def _sizes(self) -> dict[str, Any]:
+        return self.config.bounds
+
+    def _stored(self) -> dict[str, np.ndarray]:
         known = np.argwhere(self.index != NONE)
         tiles = self.index[known[:, 0], known[:, 1]]
-        return {
-            "grid.places": known + self.corner,
-            "grid.cells": self.pool.arrays.cells[tiles].copy(),
-        }
+        return {"grid.places": known + self.corner, "grid.cells": self.pool.arrays.cells[tiles]}
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the grid that `state` returned, with tiles of its own.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        check_shapes(state, {"grid.places": ("tiles", 2), "grid.cells": ("tiles", TILE, TILE)})
-        check_finite(state, "grid.cells")
+    def _restored(self, state: Arrays) -> None:
         places, cells = state["grid.places"], state["grid.cells"]
-        least, most = self.config.log_odds[2:]
-        if cells.size and (cells.min() < least or cells.max() > most):
-            raise InputError("grid.cells", f"log odds within {least:g} and {most:g}", "others")
-        if len(np.unique(places, axis=0)) != len(places):
-            raise InputError("grid.places", "each tile once", "one twice")
         self.clear()
         if not len(places):
             return
         low, high = places.min(axis=0), places.max(axis=0) + 1
-        # Python's own integers do not overflow.
-        rows, columns = (int(b) - int(a) for a, b in zip(low, high, strict=True))
-        if rows * columns > MOST_TILES:
-            raise InputError("grid.places", f"{MOST_TILES} tiles at most", f"{rows} by {columns}")
-        self.index, self.corner = np.full((rows, columns), NONE, np.int32), low.copy()
+        self.index, self.corner = np.full(high - low, NONE, np.int32), low
         self.pool.reserve(len(places))
         for (row, column), tile in zip((places - low).tolist(), cells, strict=True):
             number = take_tile(self.pool.arrays)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import importlib
 import logging
 import math
-from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
@@ -23,14 +22,14 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses
-from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.mapper import Estimate, WayHome
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, StoredMapper, refuse_unless
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
+from albot_core.mappers.slam.laser_state import check_laser, laser_numbers, laser_of
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, check_fields
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import LaserScan, Reading
 
 _log = logging.getLogger(__name__)
 
@@ -70,7 +69,14 @@ class KartoConfig:
         check_fields(self, FROM_ONE, "scan_buffer_len", "loop_search_min_chain_size")
 
 
-class Karto:
+def _check_followed(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless every scan is followed by at least one reading, its own."""
+    followed, scans = state["readings.followed"], sizes["scans"]
+    is_right = np.array_equal(np.unique(followed), np.arange(scans))
+    refuse_unless(is_right, "readings.followed", f"numbers that grow from 0 to {scans - 1}")
+
+
+class Karto(StoredMapper):
     """OpenKarto as a mapper. A reading's scan is used once the robot has moved far enough.
 
     OpenKarto's memory cannot be saved as arrays. So the state holds the scans, and a restore runs
@@ -81,16 +87,20 @@ class Karto:
         name: The mapper's name in the registry.
     """
 
-    def __init__(self, config: KartoConfig | None = None, name: str = "karto") -> None:
-        self.config = config or KartoConfig()
-        self._name = name
-        self._route = RouteKeeper(self.config.way_home)
-        self.reset(np.random.default_rng(0))
+    config: KartoConfig
+    SCHEMA = Schema(
+        Field("laser", "6", at=None),
+        Field("ranges", "scans beams", at=None, least=0, finite=False),
+        Field("odometry", "scans 3", at=None),
+        Field("readings.offset", "readings 3", at="_offsets"),
+        Field("readings.followed", "readings", int, least=0, below="scans", rising=True),
+        rules=(_check_followed, check_laser),
+    )
 
-    @property
-    def spec(self) -> MapperSpec:
-        """The mapper's entry in the registry."""
-        return mapper_spec(self._name)
+    def __init__(self, config: KartoConfig | None = None, name: str = "karto") -> None:
+        config = config or KartoConfig()
+        self._route = RouteKeeper(config.way_home)
+        super().__init__(config, name)
 
     @property
     def estimate(self) -> Estimate:
@@ -223,59 +233,15 @@ class Karto:
         self._drawn = poses, grid
         return grid
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the scans passed to OpenKarto and the readings' offsets, as arrays by name."""
-        laser = self._scans[0].geometry if self._scans else LaserGeometry(beams=2)
-        numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
-        ranges = [scan.ranges for scan in self._scans]
-        return {
-            "laser": np.array(numbers),
-            "ranges": np.array(ranges).reshape(-1, laser.beams),
-            "odometry": np.array(self._odometry).reshape(-1, 3),
-            "readings.offset": np.array(self._offsets).reshape(-1, 3),
-            "readings.followed": np.array(self._followed, np.int64),
-        }
+    def _stored(self) -> dict[str, Any]:
+        laser, ranges = laser_numbers(self._scans)
+        return {"laser": laser, "ranges": ranges, "odometry": self._odometry}
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the mapper whose `state` this is, by a new run over its scans.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        shapes: dict[str, tuple[str | int, ...]] = {
-            "laser": (6,),
-            "ranges": ("scans", "beams"),
-            "odometry": ("scans", 3),
-            "readings.offset": ("readings", 3),
-            "readings.followed": ("readings",),
-        }
-        check_shapes(state, shapes)
-        check_finite(state, "laser", "odometry", "readings.offset")
-        followed, scans = state["readings.followed"], len(state["ranges"])
-        # Every scan must be followed by at least one reading: its own.
-        if (
-            not np.array_equal(np.unique(followed), np.arange(scans))
-            or (np.diff(followed) < 0).any()
-        ):
-            raise InputError(
-                "readings.followed", f"numbers that grow from 0 to {scans - 1}", "others"
-            )
-        first_bearing, spacing, most, *mount = state["laser"].tolist()
-        try:
-            laser = LaserGeometry(
-                beams=state["ranges"].shape[1],
-                first_bearing=first_bearing,
-                spacing=spacing,
-                max_range=most,
-                mount=(mount[0], mount[1], mount[2]),
-            )
-        except InputError as error:
-            raise InputError("laser", error.expected, error.found) from None
-        self.reset(np.random.default_rng(0))
+    def _restored(self, state: Arrays) -> None:
+        """Run OpenKarto over the scans anew."""
+        laser = laser_of(state["laser"], state["ranges"].shape[1])
         for ranges, pose in zip(state["ranges"].copy(), state["odometry"].copy(), strict=True):
             self._process(LaserScan(ranges=ranges, geometry=laser), pose)
-        self._followed = followed.tolist()
-        self._offsets = list(state["readings.offset"].copy())
 
     def __getstate__(self) -> dict[str, Any]:
         """Return config, name and state; OpenKarto's own memory cannot be copied."""

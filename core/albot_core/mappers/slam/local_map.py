@@ -9,9 +9,8 @@ odometer costs little time, and a bad one is detected.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -19,7 +18,7 @@ from jaxtyping import Float64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.geometry.types import Points, Pose, Poses
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.mappers.schema import Arrays, Field, Schema, Stored
 from albot_core.matching.correlation import Window, correlate
 from albot_core.matching.likelihood_field import FieldConfig, LikelihoodField
 from albot_core.matching.refinement import refine
@@ -153,12 +152,20 @@ class OdometerErrors:
         np.maximum(self.variances, 0.25 * found, out=self.variances)
 
 
-class LocalMap:
+class LocalMap(Stored):
     """The latest kept scans, and the matching with them.
 
     Args:
         config: All parameters.
     """
+
+    SCHEMA = Schema(
+        Field("local.errors", "2", at="errors.variances", least=0),
+        Field("local.corner", "2", at="_field.corner"),
+        Field("local.poses", "scans 3", at=None),
+        Field("local.counts", "scans", int, at=None, least=0, sums="points"),
+        Field("local.points", "points 2", at=None),
+    )
 
     def __init__(self, config: MatchingConfig) -> None:
         self.config = config
@@ -235,40 +242,17 @@ class LocalMap:
         ]
         self._lay_out()
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the local map and the odometer's errors as arrays by name."""
+    def _stored(self) -> dict[str, Any]:
+        surfaces = [surface for _, surface in self._kept]
         return {
-            "local.errors": self.errors.variances.copy(),
-            "local.corner": self._field.corner.copy(),
-            "local.poses": np.array([pose for pose, _ in self._kept]).reshape(-1, 3),
-            "local.counts": np.array([len(surface) for _, surface in self._kept], np.int64),
-            "local.points": np.concatenate(
-                [np.empty((0, 2)), *(surface for _, surface in self._kept)]
-            ),
+            "local.poses": [pose for pose, _ in self._kept],
+            "local.counts": [len(surface) for surface in surfaces],
+            "local.points": np.concatenate([np.empty((0, 2)), *surfaces]),
         }
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the local map that `state` returned.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        shapes = {
-            "local.errors": (2,),
-            "local.corner": (2,),
-            "local.poses": ("scans", 3),
-            "local.counts": ("scans",),
-            "local.points": ("points", 2),
-        }
-        check_shapes(state, shapes)
-        check_finite(state, "local.errors", "local.corner", "local.poses", "local.points")
-        counts, points = state["local.counts"], state["local.points"]
-        if (counts < 0).any() or counts.sum() != len(points):
-            raise InputError("local.counts", f"counts of {len(points)} points", str(counts.sum()))
-        if (state["local.errors"] < 0).any():
-            raise InputError("local.errors", "no negative numbers", str(state["local.errors"]))
-        self.errors.variances = state["local.errors"].copy()
-        surfaces = np.split(points.copy(), np.cumsum(counts)[:-1]) if len(counts) else []
+    def _restored(self, state: Arrays) -> None:
+        ends = np.cumsum(state["local.counts"])[:-1]
+        surfaces = np.split(state["local.points"].copy(), ends)[: len(state["local.poses"])]
         self._kept = list(zip(state["local.poses"].copy(), surfaces, strict=True))
         self._field.clear(np.zeros(2))
         self._field.corner[:] = state["local.corner"]

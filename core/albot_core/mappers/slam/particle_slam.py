@@ -11,23 +11,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses
-from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
-from albot_core.mappers.random_state import generator_of, generator_state
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.mapper import Estimate, WayHome
+from albot_core.mappers.schema import Field, Schema, StoredMapper, generator
 from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
 from albot_core.mappers.slam.particles import Particles
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, ParticlesLayer, TrajectoryLayer
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import LaserScan, Reading
@@ -69,19 +65,7 @@ class ParticleSlamConfig:
         check_fields(self, SHARE, "resample_below")
 
 
-_SHAPES: dict[str, Shape] = {
-    "pose": (3,),
-    "motion": (3,),
-    "way": (2,),
-    "updates_of": ("readings",),
-    "offsets": ("readings", 3),
-    "localised": (),
-    "random": (6,),
-}
-"""Shapes of a state's arrays, without those of its parts."""
-
-
-class ParticleSlam(ABC):
+class ParticleSlam(StoredMapper, ABC):
     """SLAM by particles with a grid map each; it knows a way home and corrects earlier poses.
 
     Args:
@@ -89,18 +73,23 @@ class ParticleSlam(ABC):
         name: The mapper's name in the registry.
     """
 
+    config: ParticleSlamConfig
+    SCHEMA = Schema(
+        Field("pose", "3"),
+        Field("motion", "3"),
+        Field("way", "2"),
+        Field("updates_of", "readings", int, least=0, below="updates"),
+        Field("offsets", "readings 3"),
+        Field("localised", "", int, at="_is_localised", least=0, most=1),
+        generator("random"),
+        parts=("_particles", "_local"),
+    )
+
     def __init__(self, config: ParticleSlamConfig, name: str) -> None:
-        self._name = name
-        self.config = config
         self._particles = Particles(config.particles, config.grid)
         self._local = LocalMap(config.matching)
         self._route = RouteKeeper(config.way_home)
-        self.reset(np.random.default_rng(0))
-
-    @property
-    def spec(self) -> MapperSpec:
-        """The mapper's entry in the registry."""
-        return mapper_spec(self._name)
+        super().__init__(config, name)
 
     @property
     def estimate(self) -> Estimate:
@@ -227,40 +216,3 @@ class ParticleSlam(ABC):
         )
         way = TrajectoryLayer(poses=particles.trajectory(particles.best))
         return MapSnapshot(layers=(particles.grid(particles.best).layer(), way, spread))
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the mapper's state as arrays by name."""
-        return {
-            **self._particles.state(),
-            **self._local.state(),
-            "pose": self._pose.copy(),
-            "motion": self._motion.copy(),
-            "way": self._way.copy(),
-            "updates_of": np.array(self._updates_of, np.int64),
-            "offsets": np.reshape(self._offsets, (-1, 3)).astype(np.float64),
-            "localised": np.array(self._is_localised, np.int64),
-            "random": generator_state(self._rng),
-        }
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the state that `state` returned.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        check_shapes(state, _SHAPES)
-        check_finite(state, "pose", "motion", "way", "offsets")
-        if state["localised"] not in (0, 1):
-            raise InputError("localised", "0 or 1", str(state["localised"]))
-        self._particles.restore(state)
-        self._local.restore(state)
-        self._route.forget()
-        updates_of, updates = state["updates_of"], self._particles.updates
-        if ((updates_of < 0) | (updates_of >= updates)).any():
-            raise InputError("updates_of", f"numbers of {updates} updates", "others")
-        self._pose, self._motion = state["pose"].copy(), state["motion"].copy()
-        self._way = state["way"].copy()
-        self._updates_of = updates_of.tolist()
-        self._offsets = list(state["offsets"].copy())
-        self._is_localised = bool(state["localised"])
-        self._rng = generator_of(state["random"])

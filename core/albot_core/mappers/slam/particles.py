@@ -7,14 +7,14 @@ differ; paths share their common beginning.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int32, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Poses
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid, integrate_scan
 from albot_core.mappers.slam.tiles import (
     MOST_TILES,
@@ -26,26 +26,45 @@ from albot_core.mappers.slam.tiles import (
     release_tiles,
     tiles_around,
 )
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.sensing.reading import LaserScan
 
-_SHAPES: dict[str, Shape] = {
-    "particles.poses": ("updates", "particles", 3),
-    "particles.parents": ("updates", "particles"),
-    "particles.log_weights": ("particles",),
-    "particles.tiles": ("tiles", TILE, TILE),
-    "particles.index": ("particles", "rows", "columns"),
-    "particles.corner": (2,),
-}
+_CELLS = f"tiles {TILE} {TILE}"
 
 
-class Particles:
+def _check_index(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless the grids use each tile, and are no larger than any building."""
+    index = state["particles.index"]
+    used, tiles = np.unique(index[index != NONE]), sizes["tiles"]
+    is_right = len(used) == tiles
+    refuse_unless(is_right, "particles.index", f"each of {tiles} tiles", f"{len(used)} of them")
+    expected, found = f"at most {MOST_TILES} tiles each", index[0].size
+    refuse_unless(found <= MOST_TILES, "particles.index", expected, found)
+
+
+class Particles(Stored):
     """Particles with a grid each, which start at the origin of the map.
 
     Args:
         count: Number of particles.
         config: Parameters of the grids.
     """
+
+    SCHEMA = Schema(
+        Field("particles.poses", "updates+1 particles 3", at=None),
+        Field("particles.parents", "updates+1 particles", int, at=None, least=0, below="particles"),
+        Field("particles.log_weights", "particles", at="log_weights"),
+        Field("particles.tiles", _CELLS, np.float32, at=None, least="lowest", most="highest"),
+        Field(
+            "particles.index",
+            "particles rows columns",
+            np.int32,
+            at=None,
+            least=NONE,
+            below="tiles",
+        ),
+        Field("particles.corner", "2", int, at="corner", least=-(1 << 30), most=1 << 30),
+        rules=(_check_index,),
+    )
 
     def __init__(self, count: int, config: GridConfig) -> None:
         self.count, self._config = count, config
@@ -159,61 +178,33 @@ class Particles:
         self.log_weights = np.zeros(self.count)
         self._parents = self._parents[chosen]
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return all data as arrays by name; each tile once, in the order of its first use."""
+    def _sizes(self) -> dict[str, Any]:
+        return {"particles": self.count, **self._config.bounds}
+
+    def _stored(self) -> dict[str, np.ndarray]:
+        # Each tile once, in the order of its first use.
         tiles, first = np.unique(self.index[self.index != NONE], return_index=True)
         tiles = tiles[np.argsort(first)]
         number = np.full(len(self.pool.arrays.uses) + 1, NONE, np.int32)
         number[tiles] = np.arange(len(tiles))
-        ways = np.reshape(self._way, (-1, self.count, 3)).astype(np.float64)
-        lineage = np.reshape(self._lineage, (-1, self.count)).astype(np.int64)
         return {
-            "particles.poses": np.concatenate((ways, self.poses[None])),
-            "particles.parents": np.concatenate((lineage, self._parents[None])),
-            "particles.log_weights": self.log_weights.copy(),
-            "particles.tiles": self.pool.arrays.cells[tiles].copy(),
+            "particles.poses": np.stack((*self._way, self.poses)),
+            "particles.parents": np.stack((*self._lineage, self._parents)),
+            "particles.tiles": self.pool.arrays.cells[tiles],
             "particles.index": number[self.index],  # The last entry of `number` maps `NONE`.
-            "particles.corner": self.corner.copy(),
         }
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the particles that `state` returned; their maps share tiles as before.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        self._check(state)
-        self.clear()
+    def _restored(self, state: Arrays) -> None:
         *self._way, self.poses = state["particles.poses"].copy()
         *self._lineage, self._parents = state["particles.parents"].copy()
-        self.log_weights = state["particles.log_weights"].copy()
-        self.index = state["particles.index"].astype(np.int32)
-        self.corner = state["particles.corner"].copy()
-        tiles = state["particles.tiles"]
+        self.index = state["particles.index"].copy()
+        # Their maps share tiles as before. The pool hands out the lowest indices first.
+        self.pool, tiles = TilePool(), state["particles.tiles"]
         self.pool.reserve(len(tiles))
         cells, uses, _, free_count = self.pool.arrays
-        cells[: len(tiles)] = tiles  # The pool hands out the lowest indices first.
+        cells[: len(tiles)] = tiles
         uses[: len(tiles)] = np.bincount(self.index[self.index != NONE], minlength=len(tiles))
         free_count[0] -= len(tiles)
-
-    def _check(self, state: Mapping[str, np.ndarray]) -> None:
-        check_shapes(state, _SHAPES)
-        check_finite(state, "particles.poses", "particles.log_weights", "particles.tiles")
-        count, held = len(state["particles.log_weights"]), state["particles.tiles"]
-        if count != self.count or not len(state["particles.poses"]):
-            raise InputError("particles.poses", f"{self.count} particles", str(count))
-        parents, index = state["particles.parents"], state["particles.index"]
-        if ((parents < 0) | (parents >= count)).any():
-            raise InputError("particles.parents", f"numbers below {count}", "others")
-        if not np.array_equal(np.unique(index[index != NONE]), np.arange(len(held))):
-            raise InputError("particles.index", f"each of {len(held)} tiles, no other", "others")
-        if index[0].size > MOST_TILES:
-            raise InputError("particles.index", f"at most {MOST_TILES} each", str(index[0].size))
-        if np.abs(state["particles.corner"]).max() > 1 << 30:
-            raise InputError("particles.corner", "a tile within 2^30 of the origin", "another")
-        least, most = self._config.log_odds[2:]
-        if held.size and (held.min() < least or held.max() > most):
-            raise InputError("particles.tiles", f"log odds in {least:g}..{most:g}", "others")
 
 
 @kernel(nogil=True)

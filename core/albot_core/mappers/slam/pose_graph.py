@@ -12,25 +12,44 @@ The optimiser keeps nothing between two calls: its result follows from the graph
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
 
 
-class PoseGraph:
+def _check_edges(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless edges lead forwards, a chain of them through all keyframes."""
+    ends, keyframes = state["edges.ends"], sizes["keyframes"]
+    expected = f"growing pairs of {keyframes} keyframes"
+    refuse_unless((ends[:, 0] < ends[:, 1]).all(), "edges.ends", expected)
+    chain, later = ends[~state["edges.closes"]], np.arange(1, keyframes)
+    is_chain = np.array_equal(chain, np.column_stack((later - 1, later)))
+    refuse_unless(is_chain, "edges.ends", "an edge from each keyframe to the next")
+    is_definite = (np.linalg.eigvalsh(state["edges.information"]) > 0).all()
+    refuse_unless(is_definite, "edges.information", "positive definite matrices")
+
+
+class PoseGraph(Stored):
     """Poses, and the measured relative poses between them.
 
     Args:
         cauchy: Width of the first robust kernel, Cauchy's (standard deviations).
         dcs: Width of the second, dynamic covariance scaling (squared standard deviations).
     """
+
+    SCHEMA = Schema(
+        Field("keyframes.pose", "keyframes 3", at="poses"),
+        Field("edges.ends", "edges 2", int, at="ends", least=0, below="keyframes"),
+        Field("edges.motion", "edges 3", at="motions"),
+        Field("edges.information", "edges 3 3", at="information"),
+        Field("edges.closes", "edges", bool, at="closes"),
+        rules=(_check_edges,),
+    )
 
     def __init__(self, cauchy: float, dcs: float) -> None:
         self._widths = cauchy, dcs
@@ -180,56 +199,11 @@ class PoseGraph:
         position, heading = add_errors(self._poses, self._ends, self._variances, last, node, other)
         return math.sqrt(position), math.sqrt(heading)
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the poses and edges, as arrays by name."""
-        return {
-            "keyframes.pose": self.poses.copy(),
-            "edges.ends": np.array(self.ends, np.int64).reshape(-1, 2),
-            "edges.motion": np.array(self.motions).reshape(-1, 3),
-            "edges.information": np.array(self.information).reshape(-1, 3, 3),
-            "edges.closes": np.array(self.closes, np.bool_),
-        }
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the graph that `state` returned. This graph must be empty.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        _check_state(state)
-        self.poses = state["keyframes.pose"]
-        for (source, target), motion, information, closes in zip(
-            state["edges.ends"].tolist(),
-            state["edges.motion"].copy(),
-            state["edges.information"].copy(),
-            state["edges.closes"].tolist(),
-            strict=True,
-        ):
-            self.add(source, target, motion, information, closes=closes)
-
-
-def _check_state(state: Mapping[str, np.ndarray]) -> None:
-    """Raise InputError if the arrays are not a valid state."""
-    shapes: dict[str, tuple[str | int, ...]] = {
-        "keyframes.pose": ("keyframes", 3),
-        "edges.ends": ("edges", 2),
-        "edges.motion": ("edges", 3),
-        "edges.information": ("edges", 3, 3),
-        "edges.closes": ("edges",),
-    }
-    check_shapes(state, shapes)
-    check_finite(state, "keyframes.pose", "edges.motion", "edges.information")
-    keyframes, ends = len(state["keyframes.pose"]), state["edges.ends"]
-    if len(ends) and (
-        ends.min() < 0 or ends.max() >= keyframes or (ends[:, 0] >= ends[:, 1]).any()
-    ):
-        raise InputError("edges.ends", f"growing pairs of {keyframes} keyframes", "others")
-    chain = ends[~state["edges.closes"]]
-    if not np.array_equal(chain[:, 1], np.arange(1, keyframes)) or (np.diff(chain) != 1).any():
-        raise InputError("edges.ends", "an edge from each keyframe to the next", "others")
-    information = state["edges.information"]
-    if len(information) and np.linalg.eigvalsh(information).min() <= 0:
-        raise InputError("edges.information", "positive definite matrices", "others")
+    def _restored(self, state: Arrays) -> None:
+        edges = zip(self.ends, self.motions, self.information, self.closes, strict=True)
+        self.ends, self.motions, self.information, self.closes = [], [], [], []
+        for (source, target), motion, information, closes in edges:
+            self.add(int(source), int(target), motion, information, closes=closes)
 
 
 LEVER = 5.0

@@ -9,20 +9,17 @@ is the best of a window (Olson, ICRA 2009).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
-from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.mapper import Estimate, WayHome
+from albot_core.mappers.schema import Field, Pack, Schema, StoredMapper
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
 from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
 from albot_core.sensing.reading import Reading
 
@@ -39,7 +36,7 @@ class ScanMatchingConfig:
     """Parameters of the search for the way home."""
 
 
-class ScanMatching:
+class ScanMatching(StoredMapper):
     """The mapper incremental scan matching, which knows a way home (`RouteHome`).
 
     Args:
@@ -47,19 +44,26 @@ class ScanMatching:
         name: The mapper's name in the registry.
     """
 
+    config: ScanMatchingConfig
+    SCHEMA = Schema(
+        Field("pose", "3"),
+        Field("poses", "readings 3"),
+        Pack(
+            "counts",
+            int,
+            Field("updates", least=0, most="readings"),
+            Field("kept_at", least=-1, below="readings"),
+            Field("is_localised", "", bool),
+        ),
+        parts=("_local", "_grid"),
+    )
+
     def __init__(
         self, config: ScanMatchingConfig | None = None, name: str = "scan-matching"
     ) -> None:
-        self.config = config or ScanMatchingConfig()
-        self._name = name
-        self._local = LocalMap(self.config.matching)
-        self._route = RouteKeeper(self.config.way_home)
-        self.reset(np.random.default_rng(0))
-
-    @property
-    def spec(self) -> MapperSpec:
-        """The mapper's entry in the registry."""
-        return mapper_spec(self._name)
+        config = config or ScanMatchingConfig()
+        self._local, self._route = LocalMap(config.matching), RouteKeeper(config.way_home)
+        super().__init__(config, name)
 
     @property
     def estimate(self) -> Estimate:
@@ -118,37 +122,6 @@ class ScanMatching:
     def snapshot(self) -> MapSnapshot:
         """Return the grid and the trajectory."""
         return MapSnapshot(layers=(self._grid.layer(), TrajectoryLayer(poses=self._trajectory())))
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the mapper's state as arrays by name."""
-        return {
-            "pose": self._pose.copy(),
-            "poses": self._trajectory(),
-            "counts": np.array((self._updates, self._kept_at, self._is_localised), np.int64),
-            **self._local.state(),
-            **self._grid.state(),
-        }
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the state that `state` returned.
-
-        Raises:
-            InputError: The arrays are not a valid state.
-        """
-        check_shapes(state, {"pose": (3,), "poses": ("readings", 3), "counts": (3,)})
-        check_finite(state, "pose", "poses")
-        updates, kept_at, localised = state["counts"].tolist()
-        readings = len(state["poses"])
-        is_possible = 0 <= updates <= readings and -1 <= kept_at < readings
-        if not is_possible or localised not in (0, 1):
-            raise InputError("counts", "a count, a reading, 0 or 1", str(state["counts"].tolist()))
-        grid = LogOddsGrid(self.config.grid)
-        grid.restore(state)
-        self._local.restore(state)
-        self._grid = grid
-        self._pose, self._poses = state["pose"].copy(), list(state["poses"].copy())
-        self._updates, self._kept_at, self._is_localised = updates, kept_at, bool(localised)
-        self._route.forget()
 
     def _trajectory(self) -> Poses:
         return np.array(self._poses).reshape(-1, 3)

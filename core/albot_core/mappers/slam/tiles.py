@@ -14,6 +14,7 @@ from jaxtyping import Float32, Int32, Int64, UInt8
 
 from albot_core.errors import InputError
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.schema import Arrays, Rule, Sizes, refuse_unless
 
 TILE_BITS = 5
 TILE = 1 << TILE_BITS
@@ -134,6 +135,20 @@ def extend_index(
         (row, column), (height, width) = corner - low, index.shape[-2:]
         larger[..., row : row + height, column : column + width] = index
     return larger, low
+
+
+def fit_an_index(name: str) -> Rule:
+    """Return the rule that an index can hold all tiles at the places (row, column) of an array."""
+
+    def rule(state: Arrays, sizes: Sizes) -> None:
+        # Python's own integers do not overflow.
+        rows, columns = (
+            max(ends, default=0) - min(ends, default=0) for ends in state[name].T.tolist()
+        )
+        is_right = (rows + 1) * (columns + 1) <= MOST_TILES
+        refuse_unless(is_right, name, f"{MOST_TILES} tiles at most", f"{rows + 1} by {columns + 1}")
+
+    return rule
 
 
 @kernel()

@@ -229,7 +229,11 @@ def test_thresholds_are_checked(name):
         ("view.ids", np.array((0, -2)), "view.ids"),
         ("view.lengths", np.array((1.0, 0.0)), "view.lengths"),
         ("odometer", np.array((0.0, 1.0, -1.0, 1.0)), "odometer"),
-        ("view.surfaces", np.array(((0.0, 0, 0, 0), (0, 0, 1, 1))), "surfaces: .*some length"),
+        (
+            "view.surfaces",
+            np.array(((0.0, 0, 0, 0), (0, 0, 1, 1))),
+            "view.surfaces: expected line segments from",
+        ),
         ("counts", np.array((2, 5)), "counts"),
         ("pose", np.full(3, np.nan), "pose"),
     ],

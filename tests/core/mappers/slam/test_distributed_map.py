@@ -225,7 +225,7 @@ def test_what_is_restored_is_the_same_map():
     filtered = random_run(4, 15, 20)
     state = filtered.map.state()
     twin = Filter()
-    twin.map.restore(state, filtered.nodes)
+    twin.map.restore(state)
     twin.nodes, twin.copies = filtered.nodes.copy(), [dict(copy) for copy in filtered.copies]
     twin.check()
     for key, array in twin.map.state().items():
@@ -248,17 +248,17 @@ def _changed(array: np.ndarray, place: int, value: float) -> np.ndarray:
     ("name", "damage", "message"),
     [
         ("tree.parents", lambda a: a[:-1], "shape"),
-        ("tree.parents", lambda a: a * 0 - 1, "other parents"),
+        ("tree.parents", lambda a: a * 0 - 1, "tree.parents"),
         ("tree.parents", lambda a: np.roll(a, 1), "tree"),
-        ("tree.parents", lambda a: _changed(a, 0, 99), "other parents"),
-        ("map.places", lambda a: a * 0, "each tile once"),
-        ("map.places", lambda a: a * 10**13, "ground that fits"),
-        ("map.counts", lambda a: a + 1, "in sum"),
-        ("map.counts", lambda a: _changed(a, 0, -1), "in sum"),
-        ("map.owners", lambda a: a + 50, "nodes of the tree"),
-        ("map.owners", lambda a: a * 0 - 1, "nodes of the tree"),
+        ("tree.parents", lambda a: _changed(a, 0, 99), "tree.parents"),
+        ("map.places", lambda a: a * 0, "each once"),
+        ("map.places", lambda a: a * 10**9, "tiles at most"),
+        ("map.counts", lambda a: a + 1, "map.counts"),
+        ("map.counts", lambda a: _changed(a, 0, -1), "map.counts"),
+        ("map.owners", lambda a: a + 50, "map.owners"),
+        ("map.owners", lambda a: a * 0 - 1, "map.owners"),
         ("map.beams", lambda a: a * np.nan, "finite"),
-        ("map.beams", lambda a: -a, "positive distances"),
+        ("map.beams", lambda a: -a, "numbers from 0"),
     ],
 )
 def test_damaged_arrays_are_refused(name, damage, message):
@@ -266,7 +266,7 @@ def test_damaged_arrays_are_refused(name, damage, message):
     state = filtered.map.state()
     state[name] = damage(state[name])
     with pytest.raises(InputError, match=message):
-        Filter().map.restore(state, filtered.nodes)
+        Filter().map.restore(state)
 
 
 def test_ground_beyond_all_buildings_is_refused_and_takes_no_memory():

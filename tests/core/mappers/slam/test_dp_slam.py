@@ -282,14 +282,14 @@ def test_motions_are_as_spread_as_the_model_says():
 @pytest.mark.parametrize(
     ("name", "damage", "message"),
     [
-        ("best", lambda a: a + 99, "one of the particles"),
-        ("particles.draws", lambda a: a * 0, "samples"),
+        ("best", lambda a: a + 99, "best: expected whole numbers from 0 to less than"),
+        ("particles.draws", lambda a: a * 0, "particles.draws"),
         ("particles.poses", lambda a: a * np.nan, "finite"),
         ("particles.nodes", lambda a: a * 0, "each once"),
-        ("path.before", lambda a: np.arange(len(a)), "poses that stand before"),
-        ("path.last", lambda a: a + 10**6, "a pose for each"),
+        ("path.before", lambda a: np.arange(len(a)), "path.before"),
+        ("path.last", lambda a: a + 10**6, "path.last"),
         ("path.updates", lambda a: a + 1, "every path"),
-        ("path.reading_updates", lambda a: a + 10, "numbers below"),
+        ("path.reading_updates", lambda a: a + 10, "path.reading_updates"),
         ("path.reading_motions", lambda a: a[:-1], "shape"),
     ],
 )
@@ -299,7 +299,7 @@ def test_damaged_arrays_are_refused(name, damage, message):
         mapper.update(reading)
     assert len(mapper._nodes) > 1
     state = mapper.state()
-    state[name] = damage(state[name])
+    state[name] = np.asarray(damage(state[name]))
     with pytest.raises(InputError, match=message):
         DpSlam(CONFIG).restore(state)
     assert NONE == -1

@@ -140,11 +140,11 @@ def test_restored_particles_share_the_same_tiles():
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [
-        ("particles.parents", lambda a: a + COUNT, "numbers below 5"),
+        ("particles.parents", lambda a: a + COUNT, "to less than 5"),
         ("particles.index", lambda a: np.where(a == 0, 1, a), "each of"),
-        ("particles.tiles", lambda a: a + 100, "log odds in"),
+        ("particles.tiles", lambda a: a + 100, "numbers from"),
         ("particles.poses", lambda a: a * np.nan, "finite numbers"),
-        ("particles.corner", lambda a: a + (1 << 40), "a tile within"),
+        ("particles.corner", lambda a: a + (1 << 40), "whole numbers from"),
         ("particles.log_weights", lambda a: a[:-1], "shape"),
     ],
 )

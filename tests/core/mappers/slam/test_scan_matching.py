@@ -76,8 +76,8 @@ def test_a_scan_of_no_returns_follows_the_odometer_and_says_so():
     [
         ("counts", lambda a: a + 10**6, "counts"),
         ("poses", lambda a: a * np.nan, "finite"),
-        ("local.counts", lambda a: a + 1, "counts of"),
-        ("local.errors", lambda a: -a, "negative"),
+        ("local.counts", lambda a: a + 1, "add up to"),
+        ("local.errors", lambda a: -a, "from 0"),
         ("grid.places", lambda a: a * 10**9, "tiles"),
     ],
 )
