@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -306,7 +306,7 @@ class Stored:
     Four methods say what attributes cannot; by default they do nothing.
     """
 
-    SCHEMA: ClassVar[Schema]
+    SCHEMA: Schema
 
     def _sizes(self) -> Sizes:
         """Return sizes that follow from the config, for its fields and rules."""
@@ -340,13 +340,13 @@ class Stored:
             state |= getattr(self, name).state()
         return state
 
-    def _take(self, state: Arrays) -> None:
+    def _set_state(self, state: Arrays) -> None:
         """Restore a state that has been checked."""
         for field in self.SCHEMA.fields:
             if field.at is not None:
                 field.set(self, state[field.name])
         for name in self.SCHEMA.parts:
-            getattr(self, name)._take(state)
+            getattr(self, name)._set_state(state)
         self._restored(state)
 
     def restore(self, state: Arrays) -> None:
@@ -357,7 +357,7 @@ class Stored:
         """
         schema, sizes = self._schema()
         schema.check(state, **sizes)
-        self._take(state)
+        self._set_state(state)
 
 
 class StoredMapper(Stored):
@@ -383,10 +383,10 @@ class StoredMapper(Stored):
         """Forget everything; the next reading is the first."""
         raise NotImplementedError
 
-    def _take(self, state: Arrays) -> None:
+    def _set_state(self, state: Arrays) -> None:
         """Restore a state that has been checked; the run continues as if never stopped."""
         self.reset(np.random.default_rng(0))
-        super()._take(state)
+        super()._set_state(state)
 
 
 def _alike(value: Any, array: np.ndarray) -> Any:

@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+
+from albot_core.mappers.schema import Arrays, Field, Schema, Stored
 
 _FIRST = 64
 """Initial capacity (rows)."""
 
 
-class Table:
+class Table(Stored):
     """Columns of equal length, each an array whose first axis is the row.
 
     Args:
-        columns: Dtype and shape of a row, of each column.
+        name: Prefix of the columns' names in the state, and the name of their length.
+        columns: The columns, with the shape of a row.
     """
 
-    def __init__(self, **columns: tuple[Any, tuple[int, ...]]) -> None:
-        self._columns = columns
+    def __init__(self, name: str, *columns: Field) -> None:
+        self._name, self._columns = name, columns
+        self.SCHEMA = Schema(
+            *(
+                replace(each, name=f"{name}.{each.name}", shape=f"{name} {each.shape}", at=None)
+                for each in columns
+            )
+        )
         self.clear()
 
     def clear(self) -> None:
         """Remove all rows."""
         self.count = 0
         self._arrays = {
-            name: np.zeros((_FIRST, *shape), kind) for name, (kind, shape) in self._columns.items()
+            column.name: np.zeros((_FIRST, *map(int, column.shape.split())), column.dtype)
+            for column in self._columns
         }
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -54,15 +64,13 @@ class Table:
                 larger[: self.count] = array[: self.count]
                 self._arrays[name] = larger
 
-    def state(self, prefix: str) -> dict[str, np.ndarray]:
-        """Return all rows, as arrays by name (copies)."""
-        return {f"{prefix}.{name}": self.rows(name).copy() for name in self._columns}
+    def _stored(self) -> dict[str, np.ndarray]:
+        return {f"{self._name}.{column.name}": self.rows(column.name) for column in self._columns}
 
-    def restore(self, prefix: str, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the rows that `state` returned."""
+    def _restored(self, state: Arrays) -> None:
         self.clear()
-        count = len(state[f"{prefix}.{next(iter(self._columns))}"])
+        count = len(state[f"{self._name}.{self._columns[0].name}"])
         self.reserve(count)
         self.count = count
-        for name in self._columns:
-            self._arrays[name][:count] = state[f"{prefix}.{name}"]
+        for name, array in self._arrays.items():
+            array[:count] = state[f"{self._name}.{name}"]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from albot_core.mappers.ratslam.arrays import Table
+from albot_core.mappers.schema import Field, Schema, Stored
 
 RELOCALISED, SEEDED = 0, 1
 """The kinds of events."""
@@ -43,12 +43,15 @@ class Event:
         )
 
 
-class EventLog:
+class EventLog(Stored):
     """The events in order."""
 
+    SCHEMA = Schema(parts=("_table",))
+
     def __init__(self) -> None:
-        whole = dict.fromkeys(("kind", "reading", "view", "before", "after"), (np.int64, ()))
-        self._table = Table(**whole, jump=(np.float64, ()), turn=(np.float64, ()))
+        whole = (Field(name, "", int) for name in ("reading", "view", "before", "after"))
+        kind = Field("kind", "", int, least=RELOCALISED, most=SEEDED)
+        self._table = Table("events", kind, *whole, Field("jump"), Field("turn"))
 
     def clear(self) -> None:
         """Remove all events."""
@@ -66,11 +69,3 @@ class EventLog:
         return tuple(
             Event(**dict(zip(names, row, strict=True))) for row in zip(*columns, strict=True)
         )
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return all events, as arrays by name."""
-        return self._table.state("events")
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self._table.restore("events", state)

@@ -8,7 +8,6 @@ frame, as the odometer measured it (d_ij and θ_ij as x and y, φ_ij unwrapped),
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -20,6 +19,7 @@ from albot_core.mappers.ratslam.config import CorrectionConfig, ExperienceConfig
 from albot_core.mappers.ratslam.correction import correct_all_at_once, correct_link_by_link
 from albot_core.mappers.ratslam.pose_cells import Packet
 from albot_core.mappers.ratslam.winding import turns_of
+from albot_core.mappers.schema import Field, Schema, Stored
 
 FASTEST = 10.0
 """Highest speed of a transition (m/s), because stamps may stand still or run backwards."""
@@ -29,10 +29,9 @@ _STIFF = 3.0
 """Number of iterations up to which a transition is fully trusted; twice as many halve its rate."""
 SCENE_TURN = math.radians(10.0)
 """Standard deviation of a heading by one scene (rad)."""
-_NUMBER, _INT = (np.float64, ()), (np.int64, ())
 
 
-class ExperienceMap:
+class ExperienceMap(Stored):
     """Experiences and transitions.
 
     Args:
@@ -41,6 +40,8 @@ class ExperienceMap:
         correction: How the map is corrected.
     """
 
+    SCHEMA = Schema(parts=("experiences", "links", "_last_of_view"))
+
     def __init__(
         self, config: ExperienceConfig, cells: PoseCellConfig, correction: CorrectionConfig
     ) -> None:
@@ -48,31 +49,39 @@ class ExperienceMap:
         self._shape = cells.columns, cells.rows, cells.headings
         self._zone = config.radius / cells.cell, config.turn / cells.cell_turn
         self.experiences = Table(
-            pose=(np.float64, (3,)),  # In the map, heading unwrapped (m, m, rad).
-            shown=(np.float64, (3,)),  # The pose when the map's version last grew.
-            cell=(np.float64, (3,)),  # (x', y', θ') of eq. (1), in cells.
-            view=_INT,  # V of eq. (1).
-            turn=_NUMBER,  # The robot's heading seen from the view (rad).
-            reading=_INT,  # The reading at which it was made.
-            way=_NUMBER,  # Distance driven when the robot was last there (m).
-            same_view=_INT,  # The previous experience with this view, -1 for none.
-            reached_by=_INT,  # The transition by which it was first reached.
-            entry=_INT,  # First in the list of its transitions' ends, see `ends`.
-            time=_NUMBER,  # Duration of the quickest way home (s).
-            length=_NUMBER,  # Length of that way (m).
-            onward=_INT,  # The next experience on that way, -1 at home.
+            "experiences",
+            Field("pose", "3"),  # In the map, heading unwrapped (m, m, rad).
+            Field("shown", "3"),  # The pose when the map's version last grew.
+            Field("cell", "3"),  # (x', y', θ') of eq. (1), in cells.
+            Field("view", "", int),  # V of eq. (1).
+            Field("turn"),  # The robot's heading seen from the view (rad).
+            Field("reading", "", int),  # The reading at which it was made.
+            Field("way"),  # Distance driven when the robot was last there (m).
+            # The previous experience with this view, -1 for none.
+            Field("same_view", "", int, least=-1, below="row"),
+            # The transition by which it was first reached.
+            Field("reached_by", "", int, least=-1, below="transitions"),
+            # First in the list of its transitions' ends, see `ends`.
+            Field("entry", "", int, least=-1, below="2*transitions"),
+            Field("time", least=0, finite=False),  # Duration of the quickest way home (s).
+            Field("length", least=0, finite=False),  # Length of that way (m).
+            # The next experience on that way, -1 at home.
+            Field("onward", "", int, least=-1, below="experiences"),
         )
         self.links = Table(
-            source=_INT,
-            target=_INT,
-            motion=(np.float64, (3,)),  # d, θ and φ: the target in the source's frame.
-            time=_NUMBER,  # Shortest duration (s) of all times it was driven.
-            weight=_NUMBER,  # Sum of its measurements' weights.
-            most=_NUMBER,  # Largest share of the rate; smaller for long ones.
-            stiffness=_NUMBER,  # Its share of the rate.
-            ends=(np.int64, (2,)),  # The next ends in the lists of source and target.
+            "transitions",
+            Field("source", "", int, least=0, below="experiences"),
+            Field("target", "", int, least=0, below="experiences"),
+            Field("motion", "3"),  # d, θ and φ: the target in the source's frame.
+            Field("time", least=0),  # Shortest duration (s) of all times it was driven.
+            Field("weight", least=0),  # Sum of its measurements' weights.
+            Field("most", least=0),  # Largest share of the rate; smaller for long ones.
+            Field("stiffness", least=0),  # Its share of the rate.
+            # The next ends in the lists of source and target.
+            Field("ends", "2", int, least=-1, below="2*row"),
         )
-        self._last_of_view = Table(experience=_INT)
+        latest = Field("experience", "", int, least=-1, below="experiences")
+        self._last_of_view = Table("last_of_view", latest)
 
     def clear(self) -> None:
         """Forget everything."""
@@ -235,20 +244,6 @@ class ExperienceMap:
     def nearest(self, x: float, y: float) -> int:
         """Return the experience nearest to a point of the map (m)."""
         return int(np.argmin(np.hypot(self.poses[:, 0] - x, self.poses[:, 1] - y)))
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        return (
-            self.experiences.state("experiences")
-            | self.links.state("transitions")
-            | self._last_of_view.state("last_of_view")
-        )
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self.experiences.restore("experiences", state)
-        self.links.restore("transitions", state)
-        self._last_of_view.restore("last_of_view", state)
 
     @property
     def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

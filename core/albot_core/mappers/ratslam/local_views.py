@@ -8,7 +8,7 @@ sight, and inject activity there when it comes into sight again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -18,6 +18,7 @@ from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import LocalViewConfig
 from albot_core.mappers.ratslam.motions import Motion, before
 from albot_core.mappers.ratslam.pose_cells import PoseCells
+from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Sizes, Stored, refuse_unless
 
 NO_VIEW = -1
 """The view of a robot that recognises nothing."""
@@ -26,12 +27,24 @@ NEAR = 2
 _NONE = np.zeros(0, np.int64), np.zeros(0)
 
 
-class Scenes:
+class Scenes(Stored):
     """Numbers the scenes that a camera recognises, except those not seen several times in a row.
 
     Args:
         config: How often a scene must be seen.
     """
+
+    SCHEMA = Schema(
+        Field("scenes.known", "scenes", int, at=None, once=True),
+        Pack(
+            "scenes.counts",
+            int,
+            Field("candidate"),
+            Field("seen", least=0),
+            Field("unseen", least=0),
+            Field("scene"),
+        ),
+    )
 
     def __init__(self, config: LocalViewConfig) -> None:
         self._config = config
@@ -65,37 +78,52 @@ class Scenes:
         self._scene, self._unseen = scene, 0
         return self._views.setdefault(scene, len(self._views))
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        counts = self._candidate, self._seen, self._unseen, self._scene
-        return {
-            "scenes.known": np.array(list(self._views), np.int64),
-            "scenes.counts": np.array(counts, np.int64),
-        }
+    def _stored(self) -> dict[str, Any]:
+        return {"scenes.known": list(self._views)}
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
+    def _restored(self, state: Arrays) -> None:
         known = state["scenes.known"].tolist()
         self._views = {scene: view for view, scene in enumerate(known)}
-        counts = state["scenes.counts"].tolist()
-        self._candidate, self._seen, self._unseen, self._scene = counts
 
 
-class Links:
+def _check_waiting(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless links that wait join views with cells."""
+    for column, size in enumerate(("views", "cells")):
+        expected = f"numbers of {sizes[size]} {size} in column {column}"
+        is_right = (state["waiting"][:, column] < sizes[size]).all()
+        refuse_unless(is_right, "waiting", expected)
+
+
+class Links(Stored):
     """Links between views and pose cells, made by Hebbian learning.
 
     Args:
         config: How links are learned, and how much they inject.
     """
 
+    SCHEMA = Schema(
+        Field("waiting", "waiting 2", int, least=0),
+        Field("waiting_numbers", "waiting 2"),
+        parts=("_links", "_views"),
+        rules=(_check_waiting,),
+    )
+
     def __init__(self, config: LocalViewConfig) -> None:
         self._config = config
         self._waiting: Int64[np.ndarray, "waiting 2"]
         self._waiting_numbers: Float64[np.ndarray, "waiting 2"]
         # A view's links are a linked list: `first` is the first one, `next` the one after each.
-        self._links = Table(cell=(np.int64, ()), strength=(np.float64, ()), next=(np.int64, ()))
+        self._links = Table(
+            "links",
+            Field("cell", "", int, least=0, below="cells"),
+            Field("strength", least=0),
+            Field("next", "", int, least=-1, below="row"),
+        )
         self._views = Table(
-            first=(np.int64, ()), freshness=(np.float64, ()), tired_at=(np.int64, ())
+            "views",
+            Field("first", "", int, least=-1, below="links"),
+            Field("freshness", least=0),
+            Field("tired_at", "", int),
         )
         self.forget_waiting()
 
@@ -217,18 +245,6 @@ class Links:
         """Drop the links that wait to be learned."""
         self._waiting = np.empty((0, 2), np.int64)  # Views and cells.
         self._waiting_numbers = np.empty((0, 2))  # Strengths, and distances driven (m).
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        waiting = {"waiting": self._waiting.copy(), "waiting_numbers": self._waiting_numbers.copy()}
-        return self._links.state("links") | self._views.state("views") | waiting
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self._links.restore("links", state)
-        self._views.restore("views", state)
-        self._waiting = state["waiting"].copy()
-        self._waiting_numbers = state["waiting_numbers"].copy()
 
     def _know(self, view: int) -> None:
         """Add rows until a view has one."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Points, Poses
-from albot_core.mappers.mapper import POINT, TRAVEL, Estimate, MapperSpec, WayHome
+from albot_core.mappers.mapper import POINT, TRAVEL, Estimate, WayHome
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.events import RELOCALISED, SEEDED, Event, EventLog
@@ -20,9 +19,9 @@ from albot_core.mappers.ratslam.local_views import Links
 from albot_core.mappers.ratslam.motions import motion_of
 from albot_core.mappers.ratslam.pose_cells import Packet, PoseCells
 from albot_core.mappers.ratslam.position import Position
-from albot_core.mappers.ratslam.state import check_state
-from albot_core.mappers.ratslam.visual_input import LaserInput, SceneInput, VisualInput
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.ratslam.state import RULES
+from albot_core.mappers.ratslam.visual_input import LaserInput, SceneInput
+from albot_core.mappers.schema import Field, Schema, StoredMapper
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading
@@ -33,7 +32,7 @@ _LOCALISED = 0.5
 """The robot is localised while the packet has at least this share of all activity."""
 
 
-class RatSlam:
+class RatSlam(StoredMapper):
     """Pose cells, local views, and a map of experiences that corrects itself.
 
     It knows a route home (`RouteHome`), remembers places (`PlaceMemory`), which are its
@@ -44,24 +43,24 @@ class RatSlam:
         name: The name under which the mapper is registered.
     """
 
+    config: RatSlamConfig
+    SCHEMA = Schema(
+        parts=("_history", "_cells", "_links", "_position", "_input", "_log"), rules=RULES
+    )
+
     def __init__(self, config: RatSlamConfig | None = None, name: str = "ratslam") -> None:
-        self.config = config = config or RatSlamConfig()
-        self._name = name
+        config = config or RatSlamConfig()
         self._cells, self._links = PoseCells(config.pose_cells), Links(config.views)
         self._position = Position(config)
         parts = config, self._cells, self._links, self._position
-        self._input: VisualInput = (
+        self._input: LaserInput | SceneInput = (
             LaserInput(*parts, name) if config.sees == "laser" else SceneInput(*parts)
         )
         self._log = EventLog()
-        self._history = Table(place=(np.int64, ()), pose=(np.float64, (3,)))
-        self._parts = self._cells, self._links, self._position, self._input, self._log
-        self.reset(np.random.default_rng(0))
-
-    @property
-    def spec(self) -> MapperSpec:
-        """The mapper's spec, found by its name."""
-        return mapper_spec(self._name)
+        self._history = Table(
+            "history", Field("place", "", int, least=-1, below="experiences"), Field("pose", "3")
+        )
+        super().__init__(config, name)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. Draws no random number."""
@@ -215,21 +214,3 @@ class RatSlam:
         if gone >= self.config.ahead:
             way[POINT] = self._position.map.poses[here, :2]
         return way
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything the mapper remembers, as arrays by name."""
-        kept = self._history.state("history")
-        for part in self._parts:
-            kept |= part.state()
-        return kept
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the mapper that returned `state`.
-
-        Raises:
-            InputError: The arrays are not a state of this mapper.
-        """
-        check_state(state, self.state(), self.config)
-        self._history.restore("history", state)
-        for part in self._parts:
-            part.restore(state)

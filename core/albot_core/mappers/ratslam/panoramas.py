@@ -12,7 +12,7 @@ A template is a panorama that was learned as a view. Its frame is the robot's fr
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from albot_core.mappers.ratslam.panorama_kernels import (
     gather,
     score_match,
 )
+from albot_core.mappers.schema import Arrays, Field, Schema, Stored
 from albot_core.sensing.reading import LaserScan
 
 BEAMS = 181
@@ -51,27 +52,31 @@ class ViewMatch(NamedTuple):
     """Match score of the view with the present panorama, at most 1."""
 
 
-class Panoramas:
+class Panoramas(Stored):
     """Joins scans to panoramas, learns them as templates, and finds those that are seen again.
 
     Args:
         config: How panoramas are made and compared.
     """
 
+    SCHEMA = Schema(parts=("_scans", "_templates"))
+
     def __init__(self, config: PanoramaConfig) -> None:
         self._config = config
         self._scans = Table(
-            pose=(np.float64, (3,)),  # The robot's pose, in a local frame (m, m, unwrapped rad).
-            way=(np.float64, ()),  # Distance driven (m).
-            count=(np.int64, ()),
-            points=(np.float64, (BEAMS, 2)),  # In the robot's frame (m).
+            "scans",
+            Field("pose", "3"),  # The robot's pose, in a local frame (m, m, unwrapped rad).
+            Field("way"),  # Distance driven (m).
+            Field("count", "", int, least=0, most=BEAMS),
+            Field("points", f"{BEAMS} 2"),  # In the robot's frame (m).
         )
         self._templates = Table(
-            ranges=(np.float64, (DIRECTIONS,)),
-            points=(np.float64, (DIRECTIONS, 2)),
-            normals=(np.float64, (DIRECTIONS, 2)),
-            profile=(np.int32, (2 * config.bins,)),
-            known=(np.int32, (2 * config.bins,)),
+            "templates",
+            Field("ranges", f"{DIRECTIONS}", least=0),
+            Field("points", f"{DIRECTIONS} 2"),
+            Field("normals", f"{DIRECTIONS} 2"),
+            Field("profile", f"{2 * config.bins}", np.int32, least=0),
+            Field("known", f"{2 * config.bins}", np.int32, least=0, most=1),
         )
         self.reset()
 
@@ -248,15 +253,7 @@ class Panoramas:
         table = self._templates
         return table["ranges"][view], table["points"][view], table["normals"][view]
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        return self._scans.state("scans") | self._templates.state("templates")
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self.reset()
-        self._scans.restore("scans", state)
-        self._templates.restore("templates", state)
+    def _restored(self, state: Arrays) -> None:
         if self._scans.count:
             self._complete()
 

@@ -9,9 +9,8 @@ then the same inhibition of all cells.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -20,6 +19,7 @@ from albot_core.geometry.pose_kernels import rotate
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.config import PoseCellConfig
+from albot_core.mappers.schema import Field, Schema, Stored
 
 REACH = 2
 """Distance over which a cell excites and inhibits others, along each axis (cells)."""
@@ -66,12 +66,18 @@ def _weights(config: PoseCellConfig) -> tuple[np.ndarray, np.ndarray]:
     return both[0] / both[0].sum(), both[1] / both[1].sum()
 
 
-class PoseCells:
+class PoseCells(Stored):
     """A network of pose cells.
 
     Args:
         config: Size and weights of the network.
     """
+
+    SCHEMA = Schema(
+        Field("active_cells", "active", int, at="cells", least=0, below="cells", once=True),
+        Field("activity", "active", at="activity", least=0),
+        Field("packet", "4", at="packet", least=0, most="sides"),
+    )
 
     def __init__(self, config: PoseCellConfig) -> None:
         self.config = config
@@ -136,15 +142,8 @@ class PoseCells:
         """Return the indices in `cells` of those with at least this share of the top activity."""
         return np.flatnonzero(self.activity >= share * self.activity.max())
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        own = {"active_cells": self.cells.copy(), "activity": self.activity.copy()}
-        return own | {"packet": np.array(self.packet)}
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self.packet = Packet(*state["packet"].tolist())
-        self.cells, self.activity = state["active_cells"].copy(), state["activity"].copy()
+    def _sizes(self) -> dict[str, Any]:
+        return {"cells": math.prod(self.shape), "sides": np.array((*self.shape, math.inf))}
 
     def moved(
         self, cells: Int64[np.ndarray, "some"], motion: tuple[float, float, float]

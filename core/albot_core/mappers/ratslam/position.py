@@ -7,7 +7,6 @@ robot entered the experience.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,19 +20,46 @@ from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of,
 from albot_core.mappers.ratslam.pose_cells import Packet
 from albot_core.mappers.ratslam.verification import Transition, Verification
 from albot_core.mappers.ratslam.winding import HeadingBias
+from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Stored
 
 
-class Position:
+class Position(Stored):
     """The robot in the experience map.
 
     Args:
         config: All parameters.
     """
 
+    SCHEMA = Schema(
+        Pack(
+            "counts",
+            int,
+            Field("view", at="view", least=-1),
+            Field("place", at="place", least=-1, below="experiences"),
+            Field("matched", at="matched", least=-1, below="history"),
+            Field("iteration", at="iteration", least=0),
+            Field("left_in", least=0),
+            Field("updates", at="updates", least=0),
+            Field("version", at="version", least=0),
+        ),
+        Pack(
+            "numbers",
+            float,
+            Field("stamp", at="stamp"),
+            Field("left_at"),
+            Field("way", at="way"),
+            Field("variance"),
+            Field("weight"),
+            Field("since", "3", at="since"),
+            Field("here", "3", at="here"),
+        ),
+        parts=("_bias", "map", "_verification", "visits"),
+    )
+
     def __init__(self, config: RatSlamConfig) -> None:
         self._config = config
         self.map = ExperienceMap(config.experiences, config.pose_cells, config.correction)
-        self.visits = Table(place=(np.int64, ()))
+        self.visits = Table("visits", Field("place", "", int, least=0, below="experiences"))
         """The experiences that the robot was in, in order."""
         self._bias, self._verification = HeadingBias(), Verification()
         self.reset()
@@ -209,27 +235,5 @@ class Position:
         if self.map.connect(source, target, motion, time, bias, variance, steps):
             self.updates += 1
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        whole = (self.view, self.place, self.matched, self.iteration, self._left_in)
-        counts = (*whole, self.updates, self.version)
-        numbers = (self.stamp, self._left_at, self.way, self._variance, self._weight)
-        own = {
-            "counts": np.array(counts, np.int64),
-            "numbers": np.array((*numbers, *self.since, *self.here)),
-        }
-        for part in (self._bias, self.map, self._verification):
-            own |= part.state()
-        return own | self.visits.state("visits")
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        *whole, self.updates, self.version = state["counts"].tolist()
-        self.view, self.place, self.matched, self.iteration, self._left_in = whole
-        self.stamp, self._left_at, self.way, *rest = state["numbers"].tolist()
-        self._variance, self._weight, *motions = rest
-        self.since, self.here = motion_of(motions[:3]), motion_of(motions[3:])
-        for part in (self._bias, self.map, self._verification):
-            part.restore(state)
-        self.visits.restore("visits", state)
+    def _restored(self, state: Arrays) -> None:
         self.reading = len(state["history.place"])

@@ -9,13 +9,13 @@ our addition; the paper does not cover it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.motions import Motion, after, motion_of
+from albot_core.mappers.schema import Field, Pack, Schema, Stored
 
 
 class Transition(NamedTuple):
@@ -33,13 +33,39 @@ class Transition(NamedTuple):
     """Number of iterations that it took."""
 
 
-class Verification:
+class Verification(Stored):
     """What is kept while a re-localisation is pending."""
 
+    SCHEMA = Schema(
+        Pack(
+            "verification.counts",
+            int,
+            Field("anchor", at="anchor", least=-1, below="experiences"),
+            Field("hypothesis", at="hypothesis", least=-1, below="experiences"),
+            Field("left_in", at="left_in", least=0),
+            Field("known", at="known", least=0, most="experiences"),
+        ),
+        Pack(
+            "verification.numbers",
+            float,
+            Field("from_anchor", "3", at="from_anchor"),
+            Field("from_hypothesis", "3", at="from_hypothesis"),
+            Field("variance", at="variance"),
+            Field("left_at", at="left_at"),
+        ),
+        parts=("_pending",),
+    )
+
     def __init__(self) -> None:
-        whole = dict.fromkeys(("source", "target", "steps"), (np.int64, ()))
-        numbers = dict.fromkeys(("time", "variance"), (np.float64, ()))
-        self._pending = Table(**whole, **numbers, motion=(np.float64, (3,)))
+        self._pending = Table(
+            "pending",
+            Field("source", "", int, least=0, below="experiences"),
+            Field("target", "", int, least=0, below="experiences"),
+            Field("steps", "", int, least=1),
+            Field("time", least=0),
+            Field("variance", least=0),
+            Field("motion", "3"),
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -137,22 +163,3 @@ class Verification:
         ]
         self.reset()
         return pending
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        return {
-            "verification.counts": np.array(
-                (self.anchor, self.hypothesis, self.left_in, self.known), np.int64
-            ),
-            "verification.numbers": np.array(
-                (*self.from_anchor, *self.from_hypothesis, self.variance, self.left_at)
-            ),
-        } | self._pending.state("pending")
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        counts = state["verification.counts"].tolist()
-        self.anchor, self.hypothesis, self.left_in, self.known = counts
-        *motions, self.variance, self.left_at = state["verification.numbers"].tolist()
-        self.from_anchor, self.from_hypothesis = motion_of(motions[:3]), motion_of(motions[3:])
-        self._pending.restore("pending", state)

@@ -6,7 +6,7 @@ A camera sees one scene at a time. A laser may see several panoramas at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -19,6 +19,7 @@ from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of,
 from albot_core.mappers.ratslam.panoramas import Panoramas, ViewMatch
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
+from albot_core.mappers.schema import Field, Schema, Stored
 from albot_core.sensing.reading import LaserScan, Reading
 
 Injection = tuple[Int64[np.ndarray, "injected"], Float64[np.ndarray, "injected"]]
@@ -43,14 +44,8 @@ class VisualInput(Protocol):
     def experience(self) -> None:
         """Enter the active experience of what is seen, or make one."""
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-
-
-class SceneInput:
+class SceneInput(Stored):
     """A camera that recognises scenes by number.
 
     Args:
@@ -59,6 +54,8 @@ class SceneInput:
         links: The links from views to pose cells.
         position: The robot in the experience map.
     """
+
+    SCHEMA = Schema(Field("scenes.since_onset", "3"), parts=("_scenes",))
 
     def __init__(
         self, config: RatSlamConfig, cells: PoseCells, links: Links, position: Position
@@ -116,17 +113,8 @@ class SceneInput:
             position.check(found, offset)
             position.enter(found, *position.smoothed(found, offset), is_new=False)
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        return self._scenes.state() | {"scenes.since_onset": np.array(self._since_onset)}
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self._scenes.restore(state)
-        self._since_onset = motion_of(state["scenes.since_onset"].tolist())
-
-
-class LaserInput:
+class LaserInput(Stored):
     """A laser, whose views are panoramas; each is made with an experience, and shares its frame.
 
     Args:
@@ -136,6 +124,8 @@ class LaserInput:
         position: The robot in the experience map.
         name: The mapper's name, for errors.
     """
+
+    SCHEMA = Schema(parts=("_panoramas",))
 
     def __init__(
         self, config: RatSlamConfig, cells: PoseCells, links: Links, position: Position, name: str
@@ -254,11 +244,3 @@ class LaserInput:
         position.view = active
         position.enter(active, offset, is_new=is_new)
         self._links.associate(active, 1.0, offset, self._cells, position.way)
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        return self._panoramas.state()
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self._panoramas.restore(state)

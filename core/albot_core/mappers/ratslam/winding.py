@@ -11,12 +11,12 @@ does the rest. This is our addition; the paper does not cover it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of, rotate
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.schema import Field, Schema, Stored
 
 _FASTEST, _BIN = math.radians(30.0), math.radians(0.1)
 _BINS = 2 * round(_FASTEST / _BIN) + 1
@@ -26,8 +26,10 @@ _GAP = 0.25
 """Largest gap of a loop after the bias is removed, as a share of the loop's length."""
 
 
-class HeadingBias:
+class HeadingBias(Stored):
     """The odometer's heading bias: the median turn rate, weighted by distance."""
+
+    SCHEMA = Schema(Field("bias.ways", f"{_BINS}", least=0))
 
     def __init__(self) -> None:
         self.reset()
@@ -49,14 +51,6 @@ class HeadingBias:
         if summed[-1] < _ENOUGH:
             return 0.0
         return float((np.searchsorted(summed, summed[-1] / 2) - _BINS // 2) * _BIN)
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return everything remembered, as arrays by name."""
-        return {"bias.ways": self._ways.copy()}
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        self._ways = state["bias.ways"].copy()
 
 
 Tree = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -192,5 +192,5 @@ def test_others_see_the_most_active_cell_at_each_place():
     values = network_activity(network).values
     assert np.array_equal(values, dense(network).max(axis=0).astype(np.float32))
     other = PoseCells(network.config)
-    other.restore(network.state())
+    other._set_state(network.state())
     assert np.array_equal(network_activity(other).values, values)

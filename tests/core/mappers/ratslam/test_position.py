@@ -144,7 +144,7 @@ def test_it_is_restored():
     enter(position, 1, 5.0)
     other = Position(RatSlamConfig.scenes())
     state = position.state() | {"history.place": np.zeros(3, np.int64)}
-    other.restore(state)
+    other._set_state(state)
     assert {k: v.tolist() for k, v in other.state().items()} == {
         k: v.tolist() for k, v in position.state().items()
     }

@@ -83,7 +83,7 @@ def test_known_experiences_confirm_once_each():
     verification.add_pending(Transition(2, 3, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
     assert verification.confirmations == 2
     other = Verification()
-    other.restore(verification.state())
+    other._set_state(verification.state())
     assert other.confirmations == 2
     assert other.accept()[0] == pending[0]
     assert (other.anchor, other.confirmations) == (-1, 0)

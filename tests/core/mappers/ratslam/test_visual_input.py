@@ -76,7 +76,7 @@ def test_a_scene_injects_where_the_robot_has_come_since_it_came_into_sight() -> 
         position.iteration += 1
     assert injected == [[cell], [cell + 1], [cell + 2]]
     other = SceneInput(config, cells, links, position)
-    other.restore(visual.state())
+    other._set_state(visual.state())
     for each in (other, visual):
         each.look(reading)
         assert each.inject()[0].tolist() == [cell + 3]
