@@ -40,8 +40,8 @@ Rule = Callable[[Arrays, Sizes], None]
 """What fields cannot express: it raises InputError unless arrays, each valid, fit together."""
 
 
-def refuse_unless(is_right: bool | np.bool_, name: str, expected: str, found: object = "") -> None:
-    """Raise InputError about an array unless it is right."""
+def refuse_unless(is_right: object, name: str, expected: str, found: object = "") -> None:
+    """Raise InputError about an array unless something is true."""
     if not is_right:
         raise InputError(name, expected, str(found) or "others")
 
@@ -391,8 +391,9 @@ class StoredMapper(Stored):
 
 def _alike(value: Any, array: np.ndarray) -> Any:
     """Return an array as a value of the same type as another (a copy)."""
-    if isinstance(value, np.random.Generator):
-        return generator_of(array)
+    if isinstance(value, np.random.Generator):  # It may be in other hands, too.
+        value.bit_generator.state = generator_of(array).bit_generator.state
+        return value
     if isinstance(value, np.ndarray):
         return array.copy()
     if isinstance(value, list):

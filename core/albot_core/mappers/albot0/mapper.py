@@ -10,8 +10,9 @@ and the cue `way` go by: that is ours.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -26,20 +27,18 @@ from albot_core.mappers.albot0.localisation import (
     DemocraticIntegration,
     Stop,
 )
-from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, side_sonars
-from albot_core.mappers.albot0.state import SHAPES, check_beliefs, check_path
-from albot_core.mappers.albot0.steps import Steps, join_steps
+from albot_core.mappers.albot0.paths import PathInProgress, side_sonars
+from albot_core.mappers.albot0.state import SCHEMA, STEPS, steps_of
+from albot_core.mappers.albot0.steps import NO_STEPS, Steps
 from albot_core.mappers.albot0.trail import Trail
 from albot_core.mappers.albot0.way_back import WayBack
-from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, MapperSpec, WayHome
-from albot_core.mappers.random_state import generator_of, generator_state
-from albot_core.mappers.registry import mapper_spec
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
+from albot_core.mappers.schema import Arrays, StoredMapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
 from albot_core.sensing.reading import Reading
 
 
-class Albot0:
+class Albot0(StoredMapper):
     """Albot0's cognitive map, and its localisation on the way home.
 
     The number of an ASR is its place on the way out: home is 0. As the journey is split anew at
@@ -51,15 +50,11 @@ class Albot0:
         name: The name under which the mapper is known.
     """
 
-    def __init__(self, config: Albot0Config | None = None, name: str = "albot0") -> None:
-        self._name = name
-        self.config = config or Albot0Config()
-        self.reset(np.random.default_rng(0))
+    config: Albot0Config
+    SCHEMA = SCHEMA
 
-    @property
-    def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
-        return mapper_spec(self._name)
+    def __init__(self, config: Albot0Config | None = None, name: str = "albot0") -> None:
+        super().__init__(config or Albot0Config(), name)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. Numbers are drawn all along."""
@@ -274,70 +269,31 @@ class Albot0:
             home=0 if nodes else None,
         )
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
-        path, before = self._path, self._path.direction_before
-        home = self._home or GeometricMap(self.config.regions)
-        is_returning = self.is_returning + self._was_told
-        counts = (self._readings, self._updates, is_returning, self._fusion.time)
-        beliefs = [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs]
-        believed = [(b.confidence, b.rival_confidence) for b in self._beliefs]
+    def _sizes(self) -> dict[str, Any]:
+        return {"cues": len(self.config.localisation.cues), "region_config": self.config.regions}
+
+    def _stored(self) -> dict[str, Any]:
+        path, is_returning = self._path, self.is_returning + self._was_told
+        ways = {"out": self._out.steps, "home": self._home.steps if self._home else NO_STEPS}
         return {
-            "pose": self._pose.copy(),
-            "counts": np.array(counts, np.int64),
-            "path.samples": np.array(path.samples).reshape(-1, SAMPLE).astype(np.float64),
-            "path.numbers": np.array((path.heading, path.travelled)),
-            "path.before": np.array([] if before is None else [before], np.float64),
-            **self._out.state("out"),
-            **home.state("home"),
-            **self._trail.state(),
-            "rng": generator_state(self._rng),
-            "weights": self._fusion.weights.copy(),
-            "confidences": self._confidences.copy(),
-            "beliefs": np.array(beliefs, np.int64).reshape(-1, 4),
-            "believed": np.array(believed, np.float64).reshape(-1, 2),
+            "counts": (self._readings, self._updates, is_returning, self._fusion.time),
+            "path.samples": path.samples,
+            "path.before": [] if path.direction_before is None else [path.direction_before],
+            **{f"{way}.{name}": getattr(ways[way], name) for way in ways for name in STEPS},
+            "beliefs": [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs],
+            "believed": [(b.confidence, b.rival_confidence) for b in self._beliefs],
         }
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
-
-        Raises:
-            InputError: The arrays are none that a state holds.
-        """
-        shapes: dict[str, Shape] = {**SHAPES, "weights": (len(self.config.localisation.cues),)}
-        check_shapes(state, shapes)
-        check_finite(state, *(name for name in shapes if name != "counts"))
-        readings, updates, is_returning, time = state["counts"].tolist()
-        if min(readings, updates, time) < 0 or is_returning not in (0, 1, 2):
-            found = str(state["counts"].tolist())
-            raise InputError("counts", "three counts, and 0, 1 or 2", found)
-        check_path(state, readings)
-        out, home = GeometricMap(self.config.regions), GeometricMap(self.config.regions)
-        out.restore("out", state, readings)
-        home.restore("home", state, readings)
-        if not is_returning and len(home.steps.lines):
-            raise InputError("home.lines", "none before the robot turned round", "some")
-        if is_returning and not out.regions.count:
-            raise InputError("out.lines", "a way out before the way home", "none")
-        check_beliefs(state, out.regions.count if is_returning else 0, readings)
-        self._pose = state["pose"].copy()
-        self._readings, self._updates = readings, updates
-        heading, travelled = state["path.numbers"].tolist()
-        before = state["path.before"].tolist()
-        self._path = PathInProgress(
-            samples=[tuple(row) for row in state["path.samples"].tolist()],
-            heading=heading,
-            travelled=travelled,
-            direction_before=before[0] if before else None,
-        )
-        self._out, self._home = out, home if is_returning else None
+    def _restored(self, state: Arrays) -> None:
+        self._readings, self._updates, is_returning, self._fusion.time = state["counts"].tolist()
         self._was_told = is_returning == 2
-        self._rng = generator_of(state["rng"])
-        self._trail = Trail(self.config.trail, self._rng)
-        self._trail.restore(state, join_steps(out.steps, home.steps))
-        self._way_back = self._lay_out() if len(out.steps.lines) else None
-        self._fusion = DemocraticIntegration(weights=state["weights"].copy(), time=time)
-        self._confidences = state["confidences"].copy()
+        self._path.samples = [tuple(row) for row in state["path.samples"].tolist()]
+        self._path.direction_before = next(iter(state["path.before"].tolist()), None)
+        self._out.extend(steps_of(state, "out"))
+        if is_returning:
+            self._home = GeometricMap(self.config.regions)
+            self._home.extend(steps_of(state, "home"))
+        self._way_back = self._lay_out() if len(self._out.steps.lines) else None
         rows = zip(state["beliefs"].tolist(), state["believed"].tolist(), strict=True)
         self._beliefs = [
             Belief(

@@ -18,7 +18,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.steps import ECHOES, PLACES, SONARS, Steps
-from albot_core.mappers.stored_arrays import LONGEST
+from albot_core.mappers.schema import LONGEST
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import SonarGeometry, SonarScan
 

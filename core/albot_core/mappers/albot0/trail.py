@@ -14,21 +14,21 @@ that the ways of those that are left tell where the robot was, too. Unlike there
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Poses, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.particles import Particles
 from albot_core.mappers.albot0.paths import FARTHEST
+from albot_core.mappers.albot0.state import all_steps
 from albot_core.mappers.albot0.steps import NO_STEPS, Steps, join_steps
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 _PARTICLES = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
@@ -80,7 +80,21 @@ class TrailConfig:
         check_fields(self, _LIMIT, "farthest", "unknown")
 
 
-class Trail:
+def _check_trail(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless the trail's steps are as long as the odometer has them."""
+    total = state["trail.weights"].sum()
+    refuse_unless(abs(total - 1.0) <= _SUM, "trail.weights", "shares that sum to 1", total)
+    remembered = min(sizes["trail"], sizes["most_remembered"])
+    expected = f"the last {remembered} steps"
+    refuse_unless(sizes["remembered"] == remembered, "trail.past", expected, sizes["remembered"])
+    lines, known = state["trail.lines"], all_steps(state).lines
+    expected = "lengths as the odometer has them"
+    refuse_unless(len(lines) == len(known), "trail.lines", expected, f"{len(lines)} steps")
+    one, other = (np.hypot(*(each[:, 2:] - each[:, :2]).T) for each in (lines, known))
+    refuse_unless(np.allclose(one, other, rtol=1e-3, atol=1e-3), "trail.lines", expected)
+
+
+class Trail(Stored):
     """The way that the robot came, and its pose at the end of it.
 
     Attributes:
@@ -92,6 +106,16 @@ class Trail:
         config: How the robot is looked for.
         rng: What draws the particles' errors.
     """
+
+    SCHEMA = Schema(
+        Field("trail.lines", "trail 4", at=None, least=-2 * FARTHEST, most=2 * FARTHEST),
+        Field(
+            "trail.past", "remembered particles 3", at=None, least=-2 * FARTHEST, most=2 * FARTHEST
+        ),
+        Field("trail.drawn", "remembered particles", int, at=None, least=0, below="particles"),
+        Field("trail.weights", "particles", at="particles.weights", above=0),
+        rules=(_check_trail,),
+    )
 
     def __init__(self, config: TrailConfig, rng: np.random.Generator) -> None:
         self._config = config
@@ -146,53 +170,26 @@ class Trail:
         remembered = self._config.remembered
         return np.arange(max(steps - remembered, 0), steps) % remembered
 
-    def state(self) -> dict[str, np.ndarray]:
-        """What it cannot be told by the steps as the odometer has them, as arrays (copies)."""
+    def _sizes(self) -> dict[str, Any]:
+        config = self._config
+        return {"particles": config.particles, "most_remembered": config.remembered}
+
+    def _stored(self) -> dict[str, np.ndarray]:
+        # What the steps, as the odometer has them, do not tell.
         rows = self._rows(len(self.steps.lines))
         return {
-            "trail.lines": self.steps.lines.copy(),
+            "trail.lines": self.steps.lines,
             "trail.past": self._past[rows],
             "trail.drawn": self._drawn[rows],
-            "trail.weights": self.particles.weights.copy(),
         }
 
-    def restore(self, state: Mapping[str, np.ndarray], steps: Steps) -> None:
-        """Become what gave `state`.
-
-        Args:
-            state: The arrays.
-            steps: All steps, as the odometer has them.
-
-        Raises:
-            InputError: The arrays are none that a state holds.
-        """
-        config, count = self._config, len(steps.lines)
-        shapes: dict[str, Shape] = {
-            "trail.lines": (count, 4),
-            "trail.past": (min(count, config.remembered), config.particles, 3),
-            "trail.drawn": (min(count, config.remembered), config.particles),
-            "trail.weights": (config.particles,),
-        }
-        check_shapes(state, shapes)
-        check_finite(state, *shapes)
-        weights, drawn = state["trail.weights"], state["trail.drawn"]
-        if ((drawn < 0) | (drawn >= config.particles)).any():
-            raise InputError("trail.drawn", f"numbers of {config.particles} particles", "others")
-        if not (weights > 0).all() or abs(weights.sum() - 1.0) > _SUM:
-            raise InputError("trail.weights", "positive shares that sum to 1", "others")
-        for name in ("trail.lines", "trail.past"):
-            if (np.abs(state[name]) > 2 * FARTHEST).any():
-                raise InputError(name, f"coordinates within ±{2 * FARTHEST:g} m", "others")
-        lines = state["trail.lines"]
-        lengths, known = (np.hypot(*(each[:, 2:] - each[:, :2]).T) for each in (lines, steps.lines))
-        if not np.allclose(lengths, known, rtol=1e-3, atol=1e-3):
-            raise InputError("trail.lines", "lengths as the odometer has them", "others")
-        self.steps = replace(steps, lines=lines.copy())
-        rows = self._rows(count)
-        self._past[rows], self._drawn[rows] = state["trail.past"], drawn
-        self.particles.weights = weights.copy()
-        if count:
-            self.particles.poses = self._past[rows[-1], drawn[-1]]
+    def _restored(self, state: Arrays) -> None:
+        steps = all_steps(state)
+        self.steps = replace(steps, lines=state["trail.lines"].copy())
+        rows = self._rows(len(steps.lines))
+        self._past[rows], self._drawn[rows] = state["trail.past"], state["trail.drawn"]
+        if len(rows):
+            self.particles.poses = self._past[rows[-1], self._drawn[rows[-1]]]
             self._latest = end_poses(steps.lines[-1:])[0]
             self.frame = compose(self._latest, inverse(self.particles.mean))
 

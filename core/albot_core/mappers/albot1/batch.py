@@ -30,8 +30,8 @@ from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
 from albot_core.mappers.albot1.state import (
+    SCHEMA,
     STORED_ROWS,
-    check_rows,
     enlarged_map,
     rebuilt_arrays,
     stored_arrays,
@@ -40,6 +40,7 @@ from albot_core.mappers.albot1.step import BatchArrays, step_robots
 from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.schema import Arrays
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import LaserGeometry, Readings
@@ -265,18 +266,16 @@ class Albot1Batch:
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name."""
         pm, view, exits, _, _ = self._arrays[row]
-        robots, network = self._robots, self._networks[row]
-        rows = {name: getattr(robots, field)[row].copy() for name, field in STORED_ROWS.items()}
-        rows["readings"] = np.array(self._robots.readings[row])
-        return rows | stored_arrays(pm, view, exits, network)
+        rows = {name: getattr(self._robots, field)[row] for name, field in STORED_ROWS.items()}
+        return SCHEMA.arrays({**rows, **stored_arrays(pm, view, exits, self._networks[row])})
 
-    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
+    def restore(self, row: int, state: Arrays) -> None:
         """Let one become the one that returned `state`.
 
         Raises:
             InputError: The arrays contradict each other.
         """
-        check_rows(state)
+        SCHEMA.check(state)
         pm, view, exits, network = rebuilt_arrays(state, self.config.places)
         breadcrumbs = network.breadcrumbs
         arrays = RobotArrays(pm, view, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
@@ -286,7 +285,6 @@ class Albot1Batch:
         self._set_addresses(row)
         for name, field in STORED_ROWS.items():
             getattr(self._robots, field)[row] = state[name]
-        self._robots.readings[row] = state["readings"]
         self._robots.surfaces[row] = pm.counts[ALIVE]
         compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
         self.match_readings(np.array([row]))

@@ -5,17 +5,14 @@ The names are those of the saved files; the fields of the program may be called 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 
 import numpy as np
-from jaxtyping import Bool
 
-from albot_core.errors import InputError
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import (
     FREE,
     MAP_ROOM_AT_FIRST,
-    NEXT_ID,
     NOT_RECOGNIZED,
     USED,
     VIEW_ROOM_AT_FIRST,
@@ -25,24 +22,100 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     empty_map,
     empty_view,
     file_all,
-    living,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import ROW, UNSIGNED
 from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS
 from albot_core.mappers.albot1.places.exits import (
     CROSSING_EXPECTED,
-    CROSSING_SEEN,
     MAX_EXITS,
     NOT_CROSSING,
     ExitMemory,
     empty_exits,
 )
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
-from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
+from albot_core.mappers.albot1.places.network_state import (
+    NETWORK,
+    rebuilt_network,
+    stored_network,
+)
+from albot_core.mappers.schema import LONGEST, Arrays, Field, Pack, Schema, Sizes, refuse_unless
 
+
+def _check_slots(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless each slot holds a surface that was seen, or is free."""
+    ids, surfaces, visit = state["memory.ids"], state["memory.surfaces"], sizes["visit"]
+    alive = ids >= 0
+    count = int(alive.sum())
+    expected = f"{count} surfaces"
+    refuse_unless(sizes["alive"] == count, "memory.counts", expected, sizes["alive"])
+    marks = state["memory.marks"][alive]
+    is_right = ((marks >= 1) & (marks <= visit)).all()
+    refuse_unless(is_right, "memory.marks", f"visits from 1 to {visit}")
+    is_right = np.array_equal(np.sort(state["memory.free"]), np.flatnonzero(~alive))
+    refuse_unless(is_right, "memory.free", "exactly the slots without a surface")
+    is_right = np.isfinite(surfaces[alive]).all() and np.isnan(surfaces[~alive]).all()
+    refuse_unless(is_right, "memory.surfaces", "finite surfaces, NaN in freed slots")
+    refuse_unless(len(np.unique(ids[alive])) == count, "memory.ids", "every id once")
+
+
+def _check_view(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless the landmarks of the view are surfaces in the map."""
+    known = np.flatnonzero(state["memory.ids"] >= 0)
+    is_right = np.isin(state["view.slots"], (NOT_RECOGNIZED, *known)).all()
+    refuse_unless(is_right, "view.slots", "slots of surfaces in the map")
+
+
+MAP = Schema(
+    Field("memory.surfaces", "slots 4", finite=False, lengths=(0, LONGEST)),
+    Field("memory.edges", "slots 2", np.int8),
+    Field("memory.ids", "slots", int, least=-1, below="next_id"),
+    Field("memory.marks", "slots", np.int32),
+    Field("memory.met_in", "slots", np.int32),
+    Field("memory.met", "visit+1 2", np.int32),
+    Field("memory.free", "freed", np.int32),
+    Pack(
+        "memory.counts",
+        int,
+        Field("alive"),
+        Field("freed"),
+        Field("next_id"),
+        Field("slots"),
+        Field("visit", least=1),
+        Field("candidate", least=0, most="visit"),
+    ),
+    rules=(_check_slots,),
+)
+"""The fields of `PerceptualMap` from which it can be rebuilt; its grid follows from them."""
+EXITS = Schema(
+    Field("exits.lines", "exits 4", lengths=(0, LONGEST)),
+    Field("exits.gate", "5"),
+    Pack(
+        "exits.counts",
+        int,
+        Field("exits", most=MAX_EXITS),
+        Field("crossing", least=NOT_CROSSING, most=CROSSING_EXPECTED),
+    ),
+)
+SCHEMA = Schema(
+    Field("progress", "5", int, least=0),
+    Field("readings", "", int, least=0),
+    Field("odometer", f"{ROW}", least=tuple(0 if k in UNSIGNED else -math.inf for k in range(ROW))),
+    Field("sectors", f"{SECTORS}"),
+    Field("since", "3"),
+    Field("trod", "3"),
+    *MAP.fields,
+    *EXITS.fields,
+    Field("view.surfaces", "seen 4", lengths=(0, LONGEST)),
+    Field("view.edges", "seen 2", np.int8),
+    Field("view.landmark", "seen", bool),
+    Field("view.slots", "seen", int),
+    Field("view.pose", "3"),
+    *NETWORK.fields,
+    rules=(*MAP.rules, _check_view, *NETWORK.rules),
+)
 STORED_ROWS = {
     "progress": "progress",
+    "readings": "readings",
     "odometer": "odometers",
     "sectors": "sectors",
     "since": "since",
@@ -50,214 +123,74 @@ STORED_ROWS = {
 }
 """The fields of `BatchArrays` from which, with a robot's arrays, all others follow, by their names
 in the state."""
+_STORED_FIELDS = {"met_in": "reobserved_in", "met": "reobserved"}
+"""The fields of `PerceptualMap` that have other names in the state."""
 
 
 def stored_arrays(
     pm: PerceptualMap, view: LocatedView, exits: ExitMemory, network: PlaceNetwork
-) -> dict[str, np.ndarray]:
-    """Copies of its arrays, as far as they are in use; `part.field` is each one's name."""
-    parts = {
-        "places": stored_network(network),
-        "exits": stored_exits(exits),
-        "memory": stored_map(pm),
-        "view": stored_view(view),
+) -> Arrays:
+    """Return its arrays, as far as they are in use, by their names in the state."""
+    viewed = {
+        f"view.{name}": getattr(view, name)[: view.size[0]]
+        for name in ("surfaces", "edges", "landmark", "slots")
     }
-    return {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
+    parts = stored_map(pm), stored_exits(exits), stored_network(network)
+    return {"view.pose": view.pose, **viewed, **parts[0], **parts[1], **parts[2]}
 
 
 def rebuilt_arrays(
-    state: Mapping[str, np.ndarray], config: PlacesConfig
+    state: Arrays, config: PlacesConfig
 ) -> tuple[PerceptualMap, LocatedView, ExitMemory, PlaceNetwork]:
-    """What `stored_arrays` was given.
-
-    Raises:
-        InputError: The arrays contradict each other.
-    """
-    pm = rebuilt_map(_part(state, "memory."))
-    view = rebuilt_view(_part(state, "view."), living(pm))
-    exits = rebuilt_exits(_part(state, "exits."))
-    network = rebuilt_network(_part(state, "places."), config)
-    if len(network.visits) != pm.counts[VISIT] + 1:
-        expected = f"the map's {pm.counts[VISIT]} visits"
-        raise InputError("places.visits", expected, str(len(network.visits) - 1))
-    return pm, view, exits, network
+    """Return what `stored_arrays` was given, of a state that has been checked."""
+    size = len(state["view.slots"])
+    view = empty_view(max(VIEW_ROOM_AT_FIRST, size))
+    view.size[0], view.pose[:] = size, state["view.pose"]
+    for name in ("surfaces", "edges", "landmark", "slots"):
+        getattr(view, name)[:size] = state[f"view.{name}"]
+    return rebuilt_map(state), view, rebuilt_exits(state), rebuilt_network(state, config)
 
 
-def check_rows(state: Mapping[str, np.ndarray]) -> None:
-    """Check the arrays of STORED_ROWS.
-
-    Raises:
-        InputError: One of them is not what it should be.
-    """
-    progress = state["progress"]
-    if progress.shape != (5,) or (progress < 0).any():
-        raise InputError("progress", "5 counts", str(progress.tolist()))
-    readings = state["readings"]
-    if readings.shape != () or readings < 0:
-        raise InputError("readings", "a count", str(readings.tolist()))
-    odometer = state["odometer"]
-    if (
-        odometer.shape != (ROW,)
-        or not np.isfinite(odometer).all()
-        or (odometer[UNSIGNED] < 0).any()
-    ):
-        expected = "a mean square, a flag, a translation and a mean square"
-        raise InputError("odometer", expected, str(odometer.tolist()))
-    for name, size in (("since", 3), ("trod", 3), ("sectors", SECTORS)):
-        if state[name].shape != (size,) or not np.isfinite(state[name]).all():
-            raise InputError(name, f"{size} finite numbers", str(state[name].tolist()))
+def stored_map(pm: PerceptualMap) -> Arrays:
+    """Return the stored fields, as far as they are in use."""
+    lengths = {"met": pm.counts[VISIT] + 1, "free": pm.counts[FREE], "counts": len(pm.counts)}
+    stored = {}
+    for field in MAP.fields:
+        name = field.name.removeprefix("memory.")
+        array = getattr(pm, _STORED_FIELDS.get(name, name))
+        stored[field.name] = array[: lengths.get(name, pm.counts[USED])]
+    return stored
 
 
-def _part(state: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    """The arrays whose names begin with a prefix, without it."""
-    return {
-        name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
-    }
-
-
-STORED_FIELDS = {
-    "surfaces": "surfaces",
-    "edges": "edges",
-    "ids": "ids",
-    "marks": "marks",
-    "met_in": "reobserved_in",
-    "met": "reobserved",
-    "free": "free",
-    "counts": "counts",
-}
-"""The fields of `PerceptualMap` from which it can be rebuilt, by their names in the state; its grid
-follows from them."""
-
-
-def stored_map(pm: PerceptualMap) -> dict[str, np.ndarray]:
-    """Copies of the stored fields, as far as they are in use."""
-    used, freed = pm.counts[USED], pm.counts[FREE]
-    return {
-        "surfaces": pm.surfaces[:used].copy(),
-        "edges": pm.edges[:used].copy(),
-        "ids": pm.ids[:used].copy(),
-        "marks": pm.marks[:used].copy(),
-        "met_in": pm.reobserved_in[:used].copy(),
-        "met": pm.reobserved[: pm.counts[VISIT] + 1].copy(),
-        "free": pm.free[:freed].copy(),
-        "counts": pm.counts.copy(),
-    }
-
-
-def _filled_map(stored: Mapping[str, np.ndarray], capacity: int) -> PerceptualMap:
-    pm = empty_map(capacity)
-    for name, field in STORED_FIELDS.items():
-        getattr(pm, field)[: len(stored[name])] = stored[name]
+def rebuilt_map(state: Arrays, capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
+    """Return the map with the given fields, with room for so many surfaces at least."""
+    pm = empty_map(max(capacity, len(state["memory.ids"]), len(state["memory.met"]) + 1))
+    for field in MAP.fields:
+        name = field.name.removeprefix("memory.")
+        array = state[field.name]
+        getattr(pm, _STORED_FIELDS.get(name, name))[: len(array)] = array
     file_all(pm)
     return pm
 
 
 def enlarged_map(pm: PerceptualMap) -> PerceptualMap:
-    """The same map with twice the room.
+    """Return the same map with twice the room.
 
     Slots are used in the same order and the search sorts its answer: a map that has grown
     behaves exactly as one that was large from the start.
     """
-    return _filled_map(stored_map(pm), 2 * len(pm.ids))
+    return rebuilt_map(stored_map(pm), 2 * len(pm.ids))
 
 
-_MAP_SHAPES: dict[str, Shape] = {
-    "surfaces": ("slots", 4),
-    "edges": ("slots", 2),
-    "ids": ("slots",),
-    "marks": ("slots",),
-    "met_in": ("slots",),
-    "met": ("visits", 2),
-    "free": ("freed",),
-    "counts": (6,),
-}
+def stored_exits(exits: ExitMemory) -> Arrays:
+    """Return the fields, as far as they are in use."""
+    lines, counts = exits.lines[: exits.counts[0]], exits.counts[:2]
+    return {"exits.lines": lines, "exits.gate": exits.crossing, "exits.counts": counts}
 
 
-def rebuilt_map(stored: Mapping[str, np.ndarray]) -> PerceptualMap:
-    """The map with the given fields.
-
-    Raises:
-        InputError: The fields contradict each other.
-    """
-    ids, counts = stored["ids"], stored["counts"]
-    check_shapes(stored, _MAP_SHAPES, "memory.")
-    check_lengths("memory.surfaces", stored["surfaces"])
-    alive = ids >= 0
-    expected = [alive.sum(), len(ids) - alive.sum(), counts[NEXT_ID], len(ids)]
-    if counts[:VISIT].tolist() != expected:
-        raise InputError("memory.counts", str(expected), str(counts.tolist()))
-    visit, candidate = counts[VISIT:].tolist()
-    if visit < 1 or not 0 <= candidate <= visit or len(stored["met"]) != visit + 1:
-        found = f"{visit}, {candidate} and {stored['met'].shape}"
-        raise InputError("memory.met", "a row for each visit up to the present one", found)
-    if ((stored["marks"][alive] < 1) | (stored["marks"][alive] > visit)).any():
-        raise InputError("memory.marks", f"visits from 1 to {visit}", "others")
-    if not np.array_equal(np.sort(stored["free"]), np.flatnonzero(~alive)):
-        raise InputError("memory.free", "exactly the slots without a surface", "others")
-    surfaces = stored["surfaces"]
-    if not (np.isfinite(surfaces[alive]).all() and np.isnan(surfaces[~alive]).all()):
-        raise InputError("memory.surfaces", "finite surfaces, NaN in freed slots", "others")
-    if len(np.unique(ids[alive])) != alive.sum() or (ids >= counts[NEXT_ID]).any():
-        raise InputError("memory.ids", "every id once and below the next", "others")
-    return _filled_map(stored, max(MAP_ROOM_AT_FIRST, len(ids), visit + 2))
-
-
-VIEWED = ("surfaces", "edges", "landmark", "slots")
-"""The fields of a view with one row a surface."""
-
-
-def stored_view(view: LocatedView) -> dict[str, np.ndarray]:
-    """Copies of a view's fields, as far as they are in use."""
-    stored = {field: getattr(view, field)[: view.size[0]].copy() for field in VIEWED}
-    return stored | {"pose": view.pose.copy()}
-
-
-def rebuilt_view(stored: Mapping[str, np.ndarray], alive: Bool[np.ndarray, "slots"]) -> LocatedView:
-    """The view with the given fields, whose landmarks are in slots of a map that hold a surface.
-
-    Raises:
-        InputError: The fields contradict each other or the map.
-    """
-    size = len(stored["slots"])
-    view = empty_view(max(VIEW_ROOM_AT_FIRST, size))
-    view.size[0] = size
-    shapes: dict[str, Shape] = {field: (size, *getattr(view, field).shape[1:]) for field in VIEWED}
-    check_shapes(stored, shapes | {"pose": (3,)}, "view.")
-    for field in (*VIEWED, "pose"):
-        getattr(view, field)[: len(stored[field])] = stored[field]
-    if not np.isin(stored["slots"], (NOT_RECOGNIZED, *np.flatnonzero(alive))).all():
-        raise InputError("view.slots", "slots of surfaces in the map", "others")
-    check_finite(stored, "surfaces", "pose", prefix="view.")
-    check_lengths("view.surfaces", stored["surfaces"])
-    return view
-
-
-def stored_exits(exits: ExitMemory) -> dict[str, np.ndarray]:
-    """Copies of the fields, as far as they are in use."""
-    return {
-        "lines": exits.lines[: exits.counts[0]].copy(),
-        "gate": exits.crossing.copy(),
-        "counts": exits.counts[:2].copy(),
-    }
-
-
-def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> ExitMemory:
-    """The exits with the given fields.
-
-    Raises:
-        InputError: The fields contradict each other.
-    """
-    exits = empty_exits()
-    lines, counts = stored["lines"], stored["counts"]
-    if counts.shape != (2,) or counts.tolist() not in [
-        [len(lines), crossing] for crossing in (NOT_CROSSING, CROSSING_SEEN, CROSSING_EXPECTED)
-    ]:
-        raise InputError("exits.counts", f"{len(lines)} and 0 to 2", str(counts.tolist()))
-    check_shapes(stored, {"lines": ("exits", 4), "gate": (5,)}, "exits.")
-    if len(lines) > MAX_EXITS:
-        raise InputError("exits.lines", f"{MAX_EXITS} exits at most", str(len(lines)))
-    check_finite(stored, "lines", "gate", prefix="exits.")
-    check_lengths("exits.lines", lines)
+def rebuilt_exits(state: Arrays) -> ExitMemory:
+    """Return the exits with the given fields."""
+    exits, lines = empty_exits(), state["exits.lines"]
     exits.lines[: len(lines)] = lines
-    exits.crossing[:], exits.counts[:2] = stored["gate"], counts
+    exits.crossing[:], exits.counts[:2] = state["exits.gate"], state["exits.counts"]
     return exits

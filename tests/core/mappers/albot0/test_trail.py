@@ -14,8 +14,10 @@ from albot_core.geometry.poses import relative, transform_points
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.particles import Particles, sum_squares
-from albot_core.mappers.albot0.steps import ECHOES, Steps, join_steps
+from albot_core.mappers.albot0.state import STEPS, step_fields
+from albot_core.mappers.albot0.steps import ECHOES, NO_STEPS, Steps, join_steps
 from albot_core.mappers.albot0.trail import Trail, TrailConfig, end_poses
+from albot_core.mappers.schema import Schema
 from albot_core.sensing.reading import Reading
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
 from tests.core.mappers.albot0.step_scenes import steps_along
@@ -223,13 +225,13 @@ def test_an_echo_field_without_echoes_knows_nothing():
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        ("weights", (0.6, 0.6, 0.6), "positive shares that sum to 1"),
-        ("weights", (1.2, -0.1, -0.1), "positive shares that sum to 1"),
-        ("weights", (0.5, 0.5, 0.0), "positive shares that sum to 1"),
-        ("drawn", 3, "numbers of 3 particles"),
-        ("drawn", -1, "numbers of 3 particles"),
-        ("past", 1e9, "coordinates within"),
-        ("lines", -1e9, "coordinates within"),
+        ("weights", (0.6, 0.6, 0.6), "shares that sum to 1"),
+        ("weights", (1.2, -0.1, -0.1), "numbers above 0"),
+        ("weights", (0.5, 0.5, 0.0), "numbers above 0"),
+        ("drawn", 3, "whole numbers from 0 to less than 3"),
+        ("drawn", -1, "whole numbers from 0 to less than 3"),
+        ("past", 1e9, "numbers from"),
+        ("lines", -1e9, "numbers from"),
         ("lines", 0.0, "lengths as the odometer has them"),
     ],
 )
@@ -238,11 +240,15 @@ def test_a_state_that_no_trail_has_is_refused(name, value, told):
     trail = Trail(config, RNG(0))
     trail.extend(way)
     again, state = Trail(config, RNG(1)), trail.state()
-    again.restore(state, way)
+    ways = *step_fields("out"), *step_fields("home")
+    schema = Schema(*ways, *Trail.SCHEMA.fields, rules=Trail.SCHEMA.rules)
+    for key in STEPS:
+        state |= {f"out.{key}": getattr(way, key), f"home.{key}": getattr(NO_STEPS, key)}
+    again._set_state(state)
     np.testing.assert_array_equal(again.frame, trail.frame)
     state[f"trail.{name}"][:] = value
     with pytest.raises(InputError, match=f"^trail.{name}: expected {told}"):
-        Trail(config, RNG(1)).restore(state, way)
+        schema.check(state, readings=99, **again._sizes())
 
 
 @pytest.mark.parametrize(

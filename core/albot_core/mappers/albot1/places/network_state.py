@@ -2,90 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.events import EVENT_COLUMNS, Event, EventKind
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
 from albot_core.mappers.albot1.trail.path_tree import MIN_LINK
-from albot_core.mappers.stored_arrays import (
-    LONGEST,
-    Shape,
-    check_finite,
-    check_lengths,
-    check_shapes,
+from albot_core.mappers.schema import LONGEST, Arrays, Field, Pack, Schema, Sizes, refuse_unless
+
+
+def _check_places(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless all that is said of places is about known ones."""
+    ids, visits = state["places.ids"].tolist(), state["places.visits"].tolist()
+    refuse_unless(ids[:1] == [0], "places.ids", "ascending numbers from 0", ids)
+    is_right = visits[:1] == [-1] and visits[-1] == sizes["current"] and {*visits[1:]} <= {*ids}
+    expected = "visits to known places, the last to the present one"
+    refuse_unless(is_right and sizes["current"] in ids, "places.visits", expected)
+    firsts, stays = state["places.stays"].T
+    is_right = firsts[:1].tolist() == [0] and (np.diff(firsts) >= 0).all() and {*stays} <= {*ids}
+    refuse_unless(is_right, "places.stays", "first readings and known places, in order")
+    next_id = sizes["next_place"]
+    refuse_unless(next_id > max(ids), "places.standing", "the next id", next_id)
+    is_right = np.isin(state["places.events"][:, 1], list(EventKind)).all()
+    refuse_unless(is_right, "places.events", "known happenings")
+
+
+def _check_trail(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless breadcrumbs are in known places, and links join two of them."""
+    is_right = np.isin(state["places.trail"][:, 2], state["places.ids"]).all()
+    refuse_unless(is_right, "places.trail", "points of known places")
+    ends, lengths = state["places.trail_links"][:, :2], state["places.trail_links"][:, 2]
+    is_right = ((ends >= 0) & (ends < sizes["points"]) & (ends % 1 == 0)).all()
+    refuse_unless(is_right, "places.trail_links", f"pairs of {sizes['points']} points")
+    is_right = ((lengths >= MIN_LINK) & (lengths <= LONGEST)).all()
+    expected = f"lengths from {MIN_LINK:g} to {LONGEST:g} m"
+    refuse_unless(is_right, "places.trail_links", expected)
+
+
+def _check_links(state: Arrays, sizes: Sizes) -> None:
+    """Raise InputError unless every exit leads to one that leads back."""
+    exits = zip(state["places.ids"].tolist(), state["places.sizes"][:, 1].tolist(), strict=True)
+    doors = [(key, door) for key, count in exits for door in range(count)]
+    leads_to = dict(zip(doors, map(tuple, state["places.links"].tolist()), strict=True))
+    for door, there in leads_to.items():
+        back = leads_to.get(there)
+        refuse_unless(back == door, "places.links", f"an exit that leads back to {door}", back)
+
+
+NETWORK = Schema(
+    Field("places.ids", "places", int, rising=True, once=True),
+    Field("places.frames", "places 3"),
+    Field("places.sizes", "places 2", int, least=0, sums="surfaces doors"),
+    Field("places.surfaces", "surfaces 4", lengths=(0, LONGEST)),
+    Field("places.lines", "doors 4", lengths=(0, LONGEST)),
+    Field("places.links", "doors 2", int),
+    Field("places.visits", "visit+1", int),
+    Field("places.displacements", "visit+1 3"),
+    Field("places.stays", "stays 2", int),
+    Pack(
+        "places.standing",
+        int,
+        Field("current"),
+        Field("next_place"),
+        Field("lost_since", least=0, below="visit+1"),
+        Field("last", least=-1, below="points"),
+    ),
+    Field("places.displacement", "3"),
+    Field("places.leg", "3"),
+    Field("places.looked_from", "looks 3"),
+    Field("places.events", f"events {EVENT_COLUMNS}"),
+    Field("places.trail", "points 5"),
+    Field("places.trail_links", "links 3"),
+    rules=(_check_places, _check_links, _check_trail),
 )
 
-_SHAPES: dict[str, Shape] = {
-    "ids": ("places",),
-    "frames": ("places", 3),
-    "sizes": ("places", 2),
-    "surfaces": ("surfaces", 4),
-    "lines": ("exits", 4),
-    "links": ("exits", 2),
-    "visits": ("visits",),
-    "displacements": ("visits", 3),
-    "stays": ("stays", 2),
-    "standing": (4,),
-    "displacement": (3,),
-    "leg": (3,),
-    "looked_from": ("looks", 3),
-    "events": ("events", EVENT_COLUMNS),
-    "trail": ("points", 5),
-    "trail_links": ("links", 3),
-}
-"""The arrays and their shapes; names stand for lengths that must agree."""
 
-
-def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
-    """Everything that the network holds, as arrays by name."""
+def stored_network(network: PlaceNetwork) -> Arrays:
+    """Return everything that the network holds, as arrays by name."""
     places = [network.places[key] for key in sorted(network.places)]
     exits = [door for place in places for door in place.exits]
     crumbs = network.breadcrumbs
-    return {
-        "ids": np.array([place.id for place in places], np.int64),
-        "frames": np.array([place.frame for place in places]),
-        "sizes": np.array([(len(s.surfaces), len(s.exits)) for s in places], np.int64),
+    stored = {
+        "ids": [place.id for place in places],
+        "frames": [place.frame for place in places],
+        "sizes": [(len(place.surfaces), len(place.exits)) for place in places],
         "surfaces": np.concatenate([place.surfaces for place in places]),
-        "lines": np.reshape([p.line for p in exits], (-1, 4)).astype(float),
-        "links": np.reshape([(p.leads_to, p.exit_there) for p in exits], (-1, 2)).astype(np.int64),
-        "visits": np.array(network.visits, np.int64),
-        "displacements": np.array(network.visit_transforms),
-        "stays": np.array(network.stays, np.int64),
-        "standing": np.array(
-            (
-                network.current,
-                network.next_id,
-                network.lost_since,
-                crumbs.last,
-            ),
-            np.int64,
-        ),
-        "displacement": network.map_to_graph.copy(),
-        "leg": np.array([*network.leg_start, network.way_before]),
+        "lines": [door.line for door in exits],
+        "links": [(door.leads_to, door.exit_there) for door in exits],
+        "visits": network.visits,
+        "displacements": network.visit_transforms,
+        "stays": network.stays,
+        "standing": (network.current, network.next_id, network.lost_since, crumbs.last),
+        "displacement": network.map_to_graph,
+        "leg": [*network.leg_start, network.way_before],
         "looked_from": network.compared_from[None][~np.isnan(network.compared_from[:1])],
-        "events": np.array([event.row() for event in network.log.events]),
+        "events": [event.row() for event in network.log.events],
         "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used, crumbs.readings)),
         "trail_links": crumbs.tree.links,
     }
+    return NETWORK.arrays({f"places.{name}": value for name, value in stored.items()})
 
 
-def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> PlaceNetwork:
-    """The network with the given arrays.
-
-    Raises:
-        InputError: The arrays contradict each other.
-    """
-    check_shapes(stored, _SHAPES, "places.")
-    check_finite(stored, *_SHAPES, prefix="places.")
-    for name in ("surfaces", "lines"):
-        check_lengths(f"places.{name}", stored[name])
-    _check_places(stored)
+def rebuilt_network(state: Arrays, config: PlacesConfig) -> PlaceNetwork:
+    """Return the network with the given arrays, which have been checked."""
+    stored = {field.name.removeprefix("places."): state[field.name] for field in NETWORK.fields}
     network = PlaceNetwork(config)
     network.places = _places(stored)
     network.visits = stored["visits"].tolist()
@@ -102,7 +124,7 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     return network
 
 
-def _places(stored: Mapping[str, np.ndarray]) -> dict[int, LearnedPlace]:
+def _places(stored: Arrays) -> dict[int, LearnedPlace]:
     places: dict[int, LearnedPlace] = {}
     first, first_exit = 0, 0
     for key, frame, (surfaces, exits) in zip(
@@ -121,61 +143,9 @@ def _places(stored: Mapping[str, np.ndarray]) -> dict[int, LearnedPlace]:
     return places
 
 
-def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:
+def _breadcrumbs(stored: Arrays) -> Breadcrumbs:
     points, last = stored["trail"], int(stored["standing"][3])
     places, last_used, readings = points[:, 2:].T.astype(np.int64)
     return rebuilt_breadcrumbs(
         points[:, :2], places, last_used, readings, last, stored["trail_links"]
     )
-
-
-def _check_places(stored: Mapping[str, np.ndarray]) -> None:
-    ids, sizes = stored["ids"].tolist(), stored["sizes"]
-    totals = [len(stored["surfaces"]), len(stored["lines"])]
-    if ids[:1] != [0] or sorted(set(ids)) != ids:
-        raise InputError("places.ids", "ascending numbers from 0", str(ids))
-    if (sizes < 0).any() or sizes.sum(axis=0).tolist() != totals:
-        raise InputError("places.sizes", f"counts that add up to {totals}", "others")
-    _check_links(ids, sizes[:, 1].tolist(), stored["links"].tolist())
-    _check_breadcrumbs(ids, stored)
-    current, next_id, lost_since, _ = stored["standing"].tolist()
-    visits = stored["visits"].tolist()
-    known = current in ids and set(visits[1:]) <= set(ids)
-    if not known or visits[:1] != [-1] or visits[-1] != current:
-        raise InputError(
-            "places.visits", "visits to known places, the last to the present one", "others"
-        )
-    firsts, stays = stored["stays"].T
-    if not (
-        len(stays) and firsts[0] == 0 and (np.diff(firsts) >= 0).all() and set(stays) <= set(ids)
-    ):
-        raise InputError("places.stays", "first readings and known places, in order", "others")
-    if next_id <= max(ids) or not 0 <= lost_since < len(visits):
-        raise InputError("places.standing", "the next id and a visit", f"{next_id}, {lost_since}")
-    kinds = stored["events"][:, 1]
-    if not np.isin(kinds, list(EventKind)).all():
-        raise InputError("places.events", "known happenings", "others")
-
-
-def _check_breadcrumbs(ids: list[int], stored: Mapping[str, np.ndarray]) -> None:
-    points, ends = len(stored["trail"]), stored["trail_links"][:, :2]
-    last = int(stored["standing"][3])
-    if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
-        raise InputError("places.trail", "points of known places", "others")
-    lengths = stored["trail_links"][:, 2]
-    if ((ends < 0) | (ends >= points) | (ends % 1 != 0)).any():
-        raise InputError("places.trail_links", f"pairs of {points} points", "others")
-    if ((lengths < MIN_LINK) | (lengths > LONGEST)).any():
-        expected = f"lengths from {MIN_LINK:g} to {LONGEST:g} m"
-        raise InputError("places.trail_links", expected, "others")
-
-
-def _check_links(ids: list[int], exits: list[int], links: list[list[int]]) -> None:
-    """Raise InputError unless every exit leads to one that leads back."""
-    doors = [(key, door) for key, count in zip(ids, exits, strict=True) for door in range(count)]
-    leads_to = dict(zip(doors, ((key, door) for key, door in links), strict=True))
-    for door, there in leads_to.items():
-        if leads_to.get(there) != door:
-            raise InputError(
-                "places.links", f"an exit that leads back to {door}", f"{leads_to.get(there)}"
-            )

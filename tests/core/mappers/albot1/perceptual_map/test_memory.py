@@ -26,7 +26,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     remove_surface,
     room_left,
 )
-from albot_core.mappers.albot1.state import enlarged_map, rebuilt_map, stored_map
+from albot_core.mappers.albot1.state import MAP, enlarged_map, rebuilt_map, stored_map
 
 coordinate = st.floats(-30, 30)
 surface = st.tuples(coordinate, coordinate, coordinate, coordinate).map(np.array)
@@ -135,7 +135,7 @@ def stored() -> dict[str, np.ndarray]:
     for k in range(5):
         add_surface(pm, np.array([k, 0.0, k, 1.0]), EDGES)
     remove_surface(pm, 2)
-    return stored_map(pm)
+    return {name: array.copy() for name, array in stored_map(pm).items()}
 
 
 def test_a_rebuilt_map_finds_the_same() -> None:
@@ -158,6 +158,7 @@ def test_a_rebuilt_map_finds_the_same() -> None:
 )
 def test_contradictions_are_refused(field: str, index: Any, value: float) -> None:
     arrays = stored()
-    arrays[field][index] = value
+    MAP.check(arrays)
+    arrays[f"memory.{field}"][index] = value
     with pytest.raises(InputError, match="memory"):
-        rebuilt_map(arrays)
+        MAP.check(arrays)

@@ -26,7 +26,7 @@ from albot_core.mappers.albot1.places.exits import (
     expect_exits,
     remember_exits,
 )
-from albot_core.mappers.albot1.state import rebuilt_exits, stored_exits
+from albot_core.mappers.albot1.state import EXITS, rebuilt_exits, stored_exits
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
 from tests.core.scenes import OUTSIDE, scan_from, two_rooms
@@ -280,6 +280,7 @@ def test_exits_are_stored_and_rebuilt_and_damage_is_refused():
     exits = empty_exits()
     remember_exits(exits, sight_of(np.zeros(3), two_rooms()), LIMITS)
     stored = stored_exits(exits)
+    EXITS.check(stored)
     again = rebuilt_exits(stored)
     for mine, theirs in zip(again, exits, strict=True):
         np.testing.assert_array_equal(mine, theirs)
@@ -290,9 +291,9 @@ def test_exits_are_stored_and_rebuilt_and_damage_is_refused():
     }
     for name, damage in damages.items():
         with pytest.raises(InputError, match="exits"):
-            rebuilt_exits(stored | {name: damage})
+            EXITS.check(stored | {f"exits.{name}": damage})
     with pytest.raises(InputError, match="counts"):
-        rebuilt_exits(stored | {"counts": np.array([1, 3])})
+        EXITS.check(stored | {"exits.counts": np.array([1, 3])})
 
 
 def test_the_view_may_stand_anywhere():

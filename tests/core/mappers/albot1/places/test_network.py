@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.mappers.albot1.places.events import EventKind
-from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
+from albot_core.mappers.albot1.places.network_state import NETWORK, rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
 from albot_core.mappers.albot1.places.relocalisation import relocalise
@@ -276,17 +276,19 @@ def test_damaged_arrays_are_refused(name, damage):
     walker = led([*RING, *RING[:2]])
     stored = stored_network(walker.network)
     with np.errstate(invalid="ignore"):
-        stored[name] = np.asarray(damage(stored[name]), stored[name].dtype)
+        kept = stored[f"places.{name}"]
+        damaged = stored | {f"places.{name}": np.asarray(damage(kept), kept.dtype)}
+    NETWORK.check(stored)
     with pytest.raises(InputError, match="places"):
-        rebuilt_network(stored, walker.network.config)
+        NETWORK.check(damaged)
 
 
 def test_one_way_links_are_refused():
     walker = led([*RING, *RING[:2]])
     stored = stored_network(walker.network)
-    stored["links"][[0, -1]] = stored["links"][[-1, 0]]
+    stored["places.links"][[0, -1]] = stored["places.links"][[-1, 0]]
     with pytest.raises(InputError, match="links"):
-        rebuilt_network(stored, walker.network.config)
+        NETWORK.check(stored)
 
 
 def test_a_place_holds_what_is_not_seen_through_its_exits():
