@@ -198,11 +198,21 @@ ODOMETRY, ALBOT1 = "odometry", "albot1"
         (ALBOT1, "memory.counts", lambda counts: counts + 2**60, r"counts\.npy: expected numbers"),
         (ALBOT1, "view.surfaces", lambda rows: rows * 1e7, "line segments of 1000 m at most"),
         (ALBOT1, "view.slots", lambda slots: slots + 9999, "view.slots.npy: expected slots of"),
-        (ALBOT1, "exits.gate", lambda gate: gate[:3], r"exits\.gate\.npy: expected shape \(5,\), \(5\), f"),
+        (
+            ALBOT1,
+            "exits.gate",
+            lambda gate: gate[:3],
+            r"exits\.gate\.npy: expected shape \(5,\), \(5\), f",
+        ),
         (ALBOT1, "places.frames", lambda rows: rows[:, :2], r"frames\.npy: expected shape"),
         (ALBOT1, "places.trail_links", lambda rows: rows * (1, 1, 1e-9), "lengths from 0.001 to"),
         (ALBOT1, "places.trail_links", lambda rows: rows + 0.5, "expected pairs of"),
-        (ALBOT1, "readings", lambda count: count - 999, r"readings\.npy: expected whole numbers from 0, f"),
+        (
+            ALBOT1,
+            "readings",
+            lambda count: count - 999,
+            r"readings\.npy: expected whole numbers from 0, f",
+        ),
     ],
 )
 def test_arrays_that_no_mapper_made_are_refused(mapper, array, change, message, tmp_path):

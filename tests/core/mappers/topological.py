@@ -5,14 +5,14 @@ The guide "add a mapper" in docs/mappers.md is this file, told step by step.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.mapper import Estimate, MapperSpec
-from albot_core.mappers.registry import mapper_spec, register_mapper
+from albot_core.mappers.registry import register_mapper
+from albot_core.mappers.schema import Field, Pack, Schema, StoredMapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode
 from albot_core.ranges import FROM_ONE, POSITIVE, check_fields
 from albot_core.sensing.reading import Reading
@@ -32,7 +32,7 @@ class TopologicalConfig:
         check_fields(self, FROM_ONE, "apart")
 
 
-class TopologicalMapper:
+class TopologicalMapper(StoredMapper):
     """Places where the odometer says that they are, each known again by its position.
 
     Args:
@@ -41,14 +41,7 @@ class TopologicalMapper:
     """
 
     def __init__(self, config: TopologicalConfig | None = None, name: str = "topological") -> None:
-        self.config = config or TopologicalConfig()
-        self._name = name
-        self.reset(np.random.default_rng(0))
-
-    @property
-    def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
-        return mapper_spec(self._name)
+        super().__init__(config or TopologicalConfig(), name)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. It draws no random number."""
@@ -121,25 +114,22 @@ class TopologicalMapper:
         """Id of the place where a reading was taken."""
         return int(self._history[reading])
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
-        return {
-            "pose": self._pose.copy(),
-            "counts": np.array((self._reading, self._current, self._matched, self._version)),
-            "poses": self._poses.copy(),
-            "first": self._first.copy(),
-            "last": self._last.copy(),
-            "links": self._links.copy(),
-            "history": self._history.copy(),
-        }
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`."""
-        self._pose = state["pose"].copy()
-        self._reading, self._current, self._matched, self._version = state["counts"].tolist()
-        self._poses = state["poses"].copy()
-        self._first, self._last = state["first"].copy(), state["last"].copy()
-        self._links, self._history = state["links"].copy(), state["history"].copy()
+    SCHEMA = Schema(
+        Field("pose", "3"),
+        Pack(
+            "counts",
+            int,
+            Field("reading", least=-1),
+            Field("current", least=-1, below="places"),
+            Field("matched", least=-1, most="reading"),
+            Field("version", least=0),
+        ),
+        Field("poses", "places 3"),
+        Field("first", "places", int, least=0, most="reading"),
+        Field("last", "places", int, least=0, most="reading"),
+        Field("links", "links 2", int, least=0, below="places"),
+        Field("history", "reading+1", int, least=0, below="places"),
+    )
 
     def _add_place(self) -> None:
         self._current = len(self._poses)
