@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from albot_core.mappers.albot1.config import Albot1Config
-from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.places.events import EventKind
+from albot_core.mappers.registry import make_mapper
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.sensors import LASER
 from albot_env.tasks.explore.task import ExploreConfig
@@ -97,7 +94,7 @@ def _of_kind(
 ) -> Iterator[Row]:
     first = None
     for spacing, turn in spacings:
-        config = replace(Albot1Config(), view_spacing=spacing, view_turn=np.radians(turn))
+        config = {"view_spacing": spacing, "view_turn": float(np.radians(turn))}
         row = _drive(kind, seeds, steps, config, odometer)
         first = first or float(row["us_per_step"])
         setting: Row = {"kind": kind, "spacing_m": spacing, "turn_deg": turn}
@@ -105,7 +102,9 @@ def _of_kind(
         yield setting | row | speed
 
 
-def _drive(kind: str, seeds: Sequence[int], steps: int, config: Albot1Config, odometer: str) -> Row:
+def _drive(
+    kind: str, seeds: Sequence[int], steps: int, config: Mapping[str, float], odometer: str
+) -> Row:
     shown = ObservationConfig(parts=("laser",))
     env: Any = gymnasium.make_vec(
         "Albot/Explore-v0",
@@ -130,18 +129,19 @@ def _drive(kind: str, seeds: Sequence[int], steps: int, config: Albot1Config, od
         errors.append(info["position_error"].copy())
     mappers = []
     for row in range(len(seeds)):
-        mappers.append(mapper := Albot1())
+        mapper: Any = make_mapper("albot1", config=config)
+        mappers.append(mapper)
         mapper.restore(env.get_state(row).robot.mapper)
     env.close()
     views = [mapper.state()["progress"][0] for mapper in mappers]
-    crossed = EventKind.NEW, EventKind.ENTERED, EventKind.RECOGNIZED, EventKind.RETURNED
+    crossed = "NEW", "ENTERED", "RECOGNIZED", "RETURNED"
     return {
         "views_per_step": float(np.mean(views)) / steps,
         "error_median_m": float(np.median(errors)),
         "error_95_m": float(np.quantile(errors, 0.95)),
         "last_95_m": float(np.quantile(errors[-1], 0.95)),
         "rooms": int(np.sum(info["rooms_entered"])),
-        "exits": sum(event.kind in crossed for mapper in mappers for event in mapper.events),
+        "exits": sum(event.kind.name in crossed for mapper in mappers for event in mapper.events),
         "places": sum(len(mapper.snapshot().place_graph.nodes) for mapper in mappers),
         "us_per_step": 1e6 * seconds / steps / len(seeds),
     }
