@@ -6,6 +6,7 @@ start, commands and key; they are bit-identical in any batch.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -84,6 +85,30 @@ _KEPT_OF_SENSORS = ("keys", "readings", "motions", "true_ranges", "ranges", "ech
 def draw_key(rng: np.random.Generator) -> int:
     """Draw 64 bits from a generator: the key of all of a robot's noise."""
     return int(rng.integers(2**64, dtype=np.uint64))
+
+
+def check_start(world: World, pose: Pose, radius: float, clearance: Callable[[], float]) -> None:
+    """Raise InputError if a robot cannot start at a pose among a world's walls.
+
+    Args:
+        world: The world.
+        pose: The pose (world frame).
+        radius: Radius of the robot (m).
+        clearance: Returns the distance from a finite pose to the nearest wall (m).
+
+    Raises:
+        InputError: The pose is not finite, the robot would touch a wall, or it cannot come there
+            from a start of the world.
+    """
+    if not np.isfinite(pose).all():
+        raise InputError("start", "a finite pose", str(pose.tolist()))
+    room = clearance()
+    if room < radius:
+        expected = f"a pose {radius:g} m clear of the walls of {world.name}"
+        raise InputError("start", expected, f"{pose.tolist()}, {room:.3f} m from one")
+    if not world.reaches(pose[:2]):
+        expected = f"a pose that a robot can come to from a start of {world.name}"
+        raise InputError("start", expected, str(pose.tolist()))
 
 
 class BatchSimulator:
@@ -190,21 +215,10 @@ class BatchSimulator:
             InputError: The pose is not finite, cannot be reached from a start of the world, or
                 the robot would touch a wall, a box or the area that a door sweeps.
         """
-        if not np.isfinite(pose).all():
-            raise InputError("start", "a finite pose", str(pose.tolist()))
         radius = self.robot.radius
+        check_start(world, pose, radius, lambda: self._spaces.clearance(world, pose, radius))
         if self._spaces.moves(world) and world.movables.gap(*pose[:2].tolist()) < radius:
             expected = f"a pose {radius:g} m clear of the boxes and doors of {world.name}"
-            raise InputError("start", expected, str(pose.tolist()))
-        room = self._spaces.clearance(world, pose, radius)
-        if room < radius:
-            raise InputError(
-                "start",
-                f"a pose {radius:g} m clear of the walls of {world.name}",
-                f"{pose.tolist()}, {room:.3f} m from one",
-            )
-        if not world.reaches(pose[:2]):
-            expected = f"a pose that a robot can come to from a start of {world.name}"
             raise InputError("start", expected, str(pose.tolist()))
 
     def place(self, row: int, world: World, pose: Pose, key: int) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from albot_core.errors import InputError, did_you_mean
-from albot_core.sensing.reading import Sensor
+from albot_core.sensing.reading import LaserGeometry, Sensor, SonarGeometry
 from albot_env.sim.laser import LASERS, LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SCENES, SceneConfig
@@ -39,6 +39,14 @@ class Sensors:
         Environments use it to measure coverage. A robot without a laser does not get its ranges.
         """
         return self.laser or LMS_200
+
+    @property
+    def geometries(self) -> tuple[LaserGeometry | None, SonarGeometry | None]:
+        """Geometry of the laser and of the sonars; None for one that the robot does not carry."""
+        return (
+            None if self.laser is None else self.laser.geometry,
+            None if self.sonar is None else self.sonar.geometry,
+        )
 
     @property
     def available(self) -> frozenset[Sensor]:

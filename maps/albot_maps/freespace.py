@@ -97,7 +97,11 @@ class FreeSpace:
 
     def is_clear(self, point: Float64[np.ndarray, "2"]) -> bool:
         """Return whether the disc touches no wall at a point (m): exactly, unlike the regions."""
-        return bool(self._lines.distance(shapely.Point(point)) >= self.radius)
+        return self.clearance(point) >= self.radius
+
+    def clearance(self, point: Float64[np.ndarray, "2"]) -> float:
+        """Return the distance (m) from a point to the nearest wall."""
+        return float(self._lines.distance(shapely.Point(point)))
 
     def region_at(self, point: Float64[np.ndarray, "2"]) -> shapely.Polygon:
         """Return the region that contains a free point (m)."""

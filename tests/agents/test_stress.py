@@ -22,7 +22,7 @@ from albot_core.robot import ROBOTS
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.checks import Limits
 from albot_env.tasks.core import single
-from albot_env.tasks.core.robots import BatchedRobots
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
@@ -140,13 +140,13 @@ def test_nor_where_things_move(agent: str):
 
 def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
     """As if the robot's senses met its things where they were before."""
-    whole, first = BatchedRobots.dynamic_obstacles, []
+    whole, first = DrivingTask.dynamic_obstacles, []
 
-    def obstacles(self: BatchedRobots, row: int) -> np.ndarray:
+    def obstacles(self: DrivingTask, row: int) -> np.ndarray:
         first.append(whole(self, row))
         return first[0]
 
-    monkeypatch.setattr(BatchedRobots, "dynamic_obstacles", obstacles)
+    monkeypatch.setattr(DrivingTask, "dynamic_obstacles", obstacles)
     world = "random:apartment:1?people=3&boxes=4&doors=2"
     [violation, *_] = run(dataclasses.replace(SOUND, world=world, steps=200)).violations
     assert re.search(r"(beam|sonar) \d+ (sees|hears)", violation.what)
@@ -154,16 +154,16 @@ def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_box_in_a_wall_is_found(monkeypatch: pytest.MonkeyPatch):
     """As if its one box had been pushed aside by 20 m."""
-    whole = BatchedRobots.dynamic_obstacles
+    whole = DrivingTask.dynamic_obstacles
 
-    def obstacles(self: BatchedRobots, row: int) -> np.ndarray:
+    def obstacles(self: DrivingTask, row: int) -> np.ndarray:
         found = whole(self, row)
         found[2:6] += 20.0 * (len(pushes) > 5)
         pushes.append(row)
         return found
 
     pushes: list[int] = []
-    monkeypatch.setattr(BatchedRobots, "dynamic_obstacles", obstacles)
+    monkeypatch.setattr(DrivingTask, "dynamic_obstacles", obstacles)
     world = "random:apartment:1?people=3&boxes=1&doors=2"
     [violation, *_] = run(dataclasses.replace(SOUND, world=world)).violations
     assert violation.what.startswith("box 0 went through wall")

@@ -66,7 +66,8 @@ class BatchMember:
     @property
     def observation_config(self) -> ObservationConfig:
         """How its observations are made of readings, with the sensors chosen."""
-        return self._batch.observation_config
+        config: ObservationConfig = self._batch.observation_config
+        return config
 
     @property
     def robot_config(self) -> RobotConfig:

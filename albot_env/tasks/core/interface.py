@@ -12,15 +12,15 @@ from albot_core.plain_data import to_plain
 from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.observation import Parts
 from albot_env.tasks.core.precompile import precompile
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import chosen_config, config_class, equip
+from albot_env.tasks.core.task import Task
 
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
 CLOSED = "{}: it was closed, and is to be made anew"
 """Error text for the use of a closed environment; `{}` is its id."""
 Observation = Float32[np.ndarray, "..."] | Parts
-Robots = TypeVar("Robots", bound=BatchedRobots)
+Robots = TypeVar("Robots", bound=Task)
 
 
 class TaskInterface(Generic[Robots]):
@@ -86,8 +86,8 @@ class TaskInterface(Generic[Robots]):
         names = {"odometer": odometer, "laser": laser, "sonar": sonar, "scenes": scenes}
         self._identity = {"mapper": mapper, "mapper_config": equipment.mapper_config, **names}
         self._identity |= {"movables": movables, "robot": equipment.robot, "journeys": 0, **of_task}
-        # `task` accepts more keywords than `BatchedRobots` does.
-        self.robots: Robots = task(robots, equipment, **of_task)
+        make: Any = task  # A task is made of robots, equipment and its own settings.
+        self.robots: Robots = make(robots, equipment, **of_task)
         """The robots."""
         self.observation_config = self.robots.observation_config
         """The observation config, fitted to the robots' sensors."""

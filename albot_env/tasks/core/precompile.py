@@ -18,8 +18,8 @@ from albot_core.kernels.linking import Kernel
 from albot_env.sim.sensing import sense
 from albot_env.sim.thread_pool import processors
 from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import NO_MAPPER, Equipment
 from albot_maps import load_world
 
@@ -61,7 +61,7 @@ def is_compiled() -> bool:
 def _run_robots(equipment: Equipment) -> None:
     """Run one robot for a step."""
     world = load_world(WORLD)
-    robots = BatchedRobots(1, equipment, actions=ActionConfig(), observations=ObservationConfig())
+    robots = DrivingTask(1, equipment, actions=ActionConfig(), observations=ObservationConfig())
     robots.begin(0, world, world.starts[0], np.random.default_rng(0))
     robots.observe()
     robots.drive(np.zeros((1, 2)))

@@ -55,6 +55,32 @@ def update_way_home(i: int, x: float, y: float, fields: DistanceFields, stats: A
 
 
 @kernel()
+def is_home(pose: np.ndarray, start: np.ndarray, radius: float) -> bool:
+    """Return whether a robot is within `radius` (m) of its start, on a straight line."""
+    return bool(length_of(pose[0] - start[0], pose[1] - start[1]) <= radius)
+
+
+@kernel()
+def judge_way_home(
+    success: bool, left: float, longest: float, driven: float, at_home: float
+) -> tuple[float, float]:
+    """Return success weighted by path length, and the same with the share of the way covered.
+
+    Args:
+        success: Whether the robot has come home.
+        left: Geodesic distance home (m).
+        longest: That distance where the way home began (m).
+        driven: Path length since then (m).
+        at_home: The share covered if the way home began at home.
+    """
+    covered = at_home
+    if longest > 0.0:
+        covered = min(1.0, max(0.0, 1.0 - left / longest))
+    spl = success_weighted(1.0 if success else 0.0, longest, driven)
+    return spl, success_weighted(covered, longest, driven)
+
+
+@kernel()
 def success_weighted(success: float, geodesic: float, driven: float) -> float:
     """Return success weighted by path length: success × geodesic / max(geodesic, driven).
 

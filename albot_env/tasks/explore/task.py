@@ -13,8 +13,8 @@ from albot_core.kernels.arguments import ArgumentsCache
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.actions import ActionConfig, Numbers
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.explore.claims import (
@@ -43,7 +43,7 @@ class ExploreConfig:
     """Weights of the reward's terms."""
 
 
-class ExploreTask(BatchedRobots):
+class ExploreTask(DrivingTask):
     """Robots that cover as much ground and enter as many rooms as they can.
 
     Args:

@@ -7,12 +7,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.core.reward import Weights, set_reward
 from albot_env.tasks.core.state import update_stats
-from albot_env.tasks.core.way_home import success_weighted, update_way_home
+from albot_env.tasks.core.way_home import is_home, judge_way_home, update_way_home
 
 
 class ExploreAndHomeTerms(NamedTuple):
@@ -141,10 +140,9 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
         else:
             trip.driven[i] += moved
             trip.declared[i] = declared = trip.declares[i]
-            apart = length_of(pose[0] - start[0], pose[1] - start[1])
-            enough = min(rules.ground, rules.share * stats.reachable[i])
-            explored = progress.ground[i] * cell_area >= enough
-            trip.success[i] = success = declared and explored and apart <= rules.radius
+            covered = progress.ground[i] * cell_area
+            success = declared and is_success(pose, start, covered, stats.reachable[i], rules)
+            trip.success[i] = success
             trip.ended[i] = ended = declared or steps >= budget
             # The weight of the way home grows with time: see `ExploreAndHomeWeights`.
             drawn = before * (steps - 1) / budget
@@ -163,9 +161,18 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
             set_reward(i, terms, stats)
         if trip.distances[i] >= trip.farthest[i]:
             trip.farthest[i], trip.driven[i] = trip.distances[i], 0.0
-        farthest, driven = trip.farthest[i], trip.driven[i]
-        trip.spl[i] = success_weighted(1.0 if trip.success[i] else 0.0, farthest, driven)
-        back = 0.0
-        if farthest > 0.0:
-            back = min(1.0, max(0.0, 1.0 - trip.distances[i] / farthest))
-        trip.soft_spl[i] = success_weighted(back, farthest, driven)
+        trip.spl[i], trip.soft_spl[i] = judge_way_home(
+            trip.success[i], trip.distances[i], trip.farthest[i], trip.driven[i], 0.0
+        )
+
+
+@kernel()
+def is_success(
+    pose: np.ndarray, start: np.ndarray, covered: float, reachable: float, rules: Rules
+) -> bool:
+    """Return whether a robot that declares home has explored enough and is home.
+
+    `covered` and `reachable` are areas (m²).
+    """
+    enough = min(rules.ground, rules.share * reachable)
+    return covered >= enough and is_home(pose, start, rules.radius)

@@ -14,8 +14,8 @@ from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import EXPLORE_AND_HOME_PARTS, ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.core.way_home import (
@@ -70,7 +70,7 @@ class ExploreAndHomeConfig:
         check_fields(self, SHARE, "share")
 
 
-class ExploreAndHomeTask(BatchedRobots):
+class ExploreAndHomeTask(DrivingTask):
     """Robots that explore and return home before their time is up.
 
     Args:

@@ -24,10 +24,10 @@ from albot_core.ranges import Range, check_fields
 from albot_core.robot import RobotConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import JourneyCache, Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import NO_MAPPER, Equipment
 from albot_maps import World
 from albot_maps.geodesic import DistanceField
@@ -114,7 +114,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         self._guide = _Guide(config, equipment.robot, movables=equipment.movables)
         # It always observes coverage, so that robots that do can use its journeys, too.
         parts = dict.fromkeys((*observations.parts, "coverage"))
-        self._follower = BatchedRobots(
+        self._follower = DrivingTask(
             1,
             replace(equipment, threads=1),
             actions=ActionConfig(),
@@ -162,7 +162,7 @@ class _Guide:
         self._config = config
         self.kind = config, robot, movables
         """What ways depend on besides their specs."""
-        self._robot = BatchedRobots(
+        self._robot = DrivingTask(
             1,
             Equipment(mapper=NO_MAPPER, robot=robot, sensors=Sensors(), movables=movables),
             actions=ActionConfig(),

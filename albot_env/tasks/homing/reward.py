@@ -13,7 +13,7 @@ from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpa
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.core.reward import Weights, set_reward
 from albot_env.tasks.core.state import update_stats
-from albot_env.tasks.core.way_home import success_weighted, update_way_home
+from albot_env.tasks.core.way_home import is_home, judge_way_home, update_way_home
 
 
 class HomingTerms(NamedTuple):
@@ -126,8 +126,7 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
             homing.driven[i] += moved
             if homing.declares[i]:
                 homing.declared[i] = True
-                apart = length_of(pose[0] - start[0], pose[1] - start[1])
-                homing.success[i] = apart <= radius
+                homing.success[i] = is_success(pose, start, radius)
             declared, success = homing.declared[i], homing.success[i]
             # The potentials are 0 once home is declared: see `HomingWeights`.
             after = 0.0 if declared else homing.distances[i]
@@ -141,12 +140,15 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
                 time=weights.time * elapsed,
             )
             set_reward(i, terms, stats)
-        initial, driven = homing.initial[i], homing.driven[i]
-        homing.spl[i] = success_weighted(1.0 if homing.success[i] else 0.0, initial, driven)
-        covered = 1.0
-        if initial > 0.0:
-            covered = min(1.0, max(0.0, 1.0 - homing.distances[i] / initial))
-        homing.soft_spl[i] = success_weighted(covered, initial, driven)
+        homing.spl[i], homing.soft_spl[i] = judge_way_home(
+            homing.success[i], homing.distances[i], homing.initial[i], homing.driven[i], 1.0
+        )
+
+
+@kernel()
+def is_success(pose: np.ndarray, start: np.ndarray, radius: float) -> bool:
+    """Return whether a declaration of home is true: the robot is within `radius` (m) of it."""
+    return is_home(pose, start, radius)
 
 
 @kernel()

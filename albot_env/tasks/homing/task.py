@@ -14,8 +14,8 @@ from albot_core.ranges import POSITIVE, check_fields
 from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.core.way_home import (
@@ -60,7 +60,7 @@ class HomingConfig:
         check_fields(self, POSITIVE, "radius")
 
 
-class HomingTask(BatchedRobots):
+class HomingTask(DrivingTask):
     """Robots that have explored and drive home.
 
     Args:

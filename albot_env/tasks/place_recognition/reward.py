@@ -130,11 +130,17 @@ def judge_answers(rows: np.ndarray, arguments: KernelArguments, observations: np
         answers.ended[i] = ended
         answers.precision[i] = right / (right + false) if right + false > 0 else 1.0
         answers.recall[i] = right / answers.revisits[i] if answers.revisits[i] > 0 else 1.0
-        answers.success[i] = ended and false == 0 and answers.recall[i] >= wanted
+        answers.success[i] = ended and is_success(false, answers.recall[i], wanted)
         here = min(answered + 1, last)
         _show_arrival(i, here, tours, state, stats, answers)
         answers.right_answers[i] = 0 if ended else _latest(tours.same[i], here)
         observations[i] = nothing if ended else tours.observations[i, here]
+
+
+@kernel()
+def is_success(false: int, recall: float, wanted: float) -> bool:
+    """Return whether a whole tour was judged well: no place falsely known, `wanted` recall."""
+    return false == 0 and recall >= wanted
 
 
 @kernel()

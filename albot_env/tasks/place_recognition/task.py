@@ -8,17 +8,19 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import KernelArguments
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
+from albot_core.sensing.reading import Readings
+from albot_env.sim.batch_simulator import check_start
 from albot_env.tasks.core.actions import Numbers
 from albot_env.tasks.core.episode_state import RobotState
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.row_arrays import copied_rows, put_rows
-from albot_env.tasks.core.settings import NO_MAPPER, Equipment, chosen_config
-from albot_env.tasks.core.state import begin_stats
+from albot_env.tasks.core.settings import Equipment, chosen_config
+from albot_env.tasks.core.state import BatchState, begin_stats
+from albot_env.tasks.core.task import Task
 from albot_env.tasks.place_recognition.reward import (
     AnswerStats,
     PlaceRecognitionTerms,
@@ -51,7 +53,7 @@ class PlaceRecognitionConfig:
         check_fields(self, SHARE, "recall")
 
 
-class PlaceRecognitionTask(BatchedRobots):
+class PlaceRecognitionTask(Task):
     """Robots that are led from place to place and judge which places they have seen before.
 
     Args:
@@ -78,15 +80,31 @@ class PlaceRecognitionTask(BatchedRobots):
         config = chosen_config(config, PlaceRecognitionConfig, self.environment)
         self._tours = Tours(self.environment, equipment, config.tour, journeys)
         most = config.tour.most
+        self._sensors = sensors = equipment.sensors
+        sonar = sensors.sonar
+        beams = sensors.ground_laser.geometry.beams
+        sonars = 0 if sonar is None else len(sonar.geometry.bearings)
         super().__init__(
             robots,
-            replace(equipment, mapper=NO_MAPPER, movables=False),
             actions=AnswerActionConfig(most=most),
-            observations=ArrivalsObservationConfig(most=most),
+            observations=ArrivalsObservationConfig(most=most).fitted(*sensors.geometries),
+            state=BatchState(
+                poses=np.zeros((robots, 3)),
+                beliefs=np.zeros((robots, 3)),
+                home_places=np.zeros((robots, 3)),
+                ways_home=np.full((robots, 7), np.nan),
+                places=np.zeros((robots, 2), np.bool_),
+                homes=np.zeros((robots, 3)),
+                motions=np.zeros((robots, 3)),
+                true_ranges=np.full((robots, beams), np.inf),
+                ranges=np.full((robots, beams), np.inf),
+                echoes=np.full((robots, sonars), np.inf),
+                time_left=np.full(robots, np.inf),
+            ),
         )
         self.journeys = self._tours
+        self._radius = equipment.robot.radius
         self._current_tours: list[Tour | None] = [None] * robots
-        beams, sonars = self._state.ranges.shape[1], self._state.echoes.shape[1]
         length = self.observations.shape[1]
         self._tour_table = TourTable(
             counts=np.ones(robots, np.int64),
@@ -127,7 +145,7 @@ class PlaceRecognitionTask(BatchedRobots):
         Raises:
             InputError: As for all robots; or the world does not have two rooms to stop in.
         """
-        super().check_start(world, start)
+        check_start(world, start, self._radius, lambda: world.free_space.clearance(start[:2]))
         self._tours.check(world)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
@@ -186,6 +204,9 @@ class PlaceRecognitionTask(BatchedRobots):
         chosen = self._everyone if rows is None else rows
         judge_answers(chosen, self._arguments, self.observations)
 
+    def close(self) -> None:
+        """Do nothing: no thread runs between tours."""
+
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
         """Which robots' tours are over."""
@@ -202,13 +223,31 @@ class PlaceRecognitionTask(BatchedRobots):
         return self._answers.times
 
     @property
+    def readings(self) -> Readings:
+        """The last reading of each robot's present arrival; no scene is told."""
+        state, (laser, sonar) = self._state, self._sensors.geometries
+        return Readings(
+            stamps=self.times,
+            motions=state.motions,
+            laser=laser,
+            ranges=None if laser is None else state.ranges,
+            sonar=sonar,
+            echoes=None if sonar is None else state.echoes,
+            scenes=None if self._sensors.scenes is None else np.full(len(state.poses), -1),
+        )
+
+    @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
         answers = self._answers
-        names = "pose", "start", "belief", "position_error", "collided", "path_length", "time"
-        facts = super().facts
         return {
-            **{name: facts[name] for name in names},
+            "pose": self.poses,
+            "start": self.starts,
+            "belief": self.beliefs,
+            "position_error": self.position_errors,
+            "collided": self.collided,
+            "path_length": self.path_lengths,
+            "time": self.times,
             "is_success": answers.success,
             "arrivals": answers.arrivals,
             "right_answer": answers.right_answers,
@@ -235,10 +274,6 @@ class PlaceRecognitionTask(BatchedRobots):
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """Number of updates of each robot's place database: one per arrival."""
         return self._answers.arrivals
-
-    def dynamic_obstacles(self, row: int) -> Segments:
-        """Return no outlines: tours have no dynamic obstacles."""
-        return np.empty((0, 4))
 
     def room(self, row: int) -> str:
         """Return the name of the room that a robot is truly in; empty between rooms."""

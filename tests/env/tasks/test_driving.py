@@ -8,8 +8,8 @@ import pytest
 
 from albot_env.sim import choose_sensors
 from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment
 from albot_maps import World, load_world
 
@@ -21,7 +21,7 @@ def test_a_robot_goes_on_as_if_never_stopped(two_rooms: World, mapper: str) -> N
     )
     equipment = Equipment(mapper=mapper, sensors=sensors)
     one, other = (
-        BatchedRobots(n, equipment, actions=ActionConfig(), observations=ObservationConfig())
+        DrivingTask(n, equipment, actions=ActionConfig(), observations=ObservationConfig())
         for n in (1, 2)
     )
     rng = np.random.default_rng(1)

@@ -1,15 +1,16 @@
-"""Batched robots: independent robots that drive and map in the same compiled loops.
+"""Tasks in which robots drive and map: independent robots in the same compiled loops.
 
-A single environment has one robot, a vector environment many; both give bitwise equal results.
-Each task is a subclass, which defines the reward and the end of an episode.
+A step, from top to bottom: `act` turns actions into speeds; `drive` runs the physics; `_observe`
+takes the readings, gives them to the mappers, fills in the observations from their estimates, and
+computes the rewards. Each task is a subclass, which defines the reward and the end of an episode.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
@@ -23,7 +24,6 @@ from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.episode_state import RobotState
-from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_builder import ObservationBuilder
 from albot_env.tasks.core.parts.beliefs import TIME_LEFT
@@ -34,9 +34,9 @@ from albot_env.tasks.core.state import (
     BatchState,
     begin_stats,
     integrate_odometry,
-    new_stats,
     update_all_stats,
 )
+from albot_env.tasks.core.task import Task
 from albot_maps import World
 
 _MAPPER_STREAM = 1
@@ -45,7 +45,7 @@ _KEPT_OF_BELIEFS = ("beliefs", "home_places", "ways_home", "places", "homes", "t
 """The arrays of `BatchState` in a robot's state; the others belong to the simulator."""
 
 
-class BatchedRobots:
+class DrivingTask(Task):
     """Robots that drive, sense, map and observe, without a task.
 
     Args:
@@ -59,14 +59,9 @@ class BatchedRobots:
             budget; or the observations have no part.
     """
 
-    environment: ClassVar[str] = "BatchedRobots"
-    """Id of the environment."""
+    environment: ClassVar[str] = "DrivingTask"
     has_budget: ClassVar[bool] = False
     """Whether robots have a time budget, whose remainder can be observed."""
-    terms_of_reward: ClassVar[tuple[str, ...]] = ()
-    """The names of the reward's terms."""
-    journeys: Journeys[Any] | None = None
-    """The journeys before each episode; None if robots start without one."""
 
     def __init__(
         self,
@@ -80,18 +75,13 @@ class BatchedRobots:
             expected = f"parts that {self.environment} has: no time is given to be back in"
             raise InputError("ObservationConfig.parts", expected, TIME_LEFT.name)
         sensors = equipment.sensors
-        self.actions = actions
-        """The action config."""
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
-        self._mappers = equipment.mappers(robots)
+        self._mappers = mappers = equipment.mappers(robots)
         self._threads = ThreadPool(equipment.threads)
         self.ground_laser = sensors.ground_laser.geometry
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
-        laser = None if sensors.laser is None else sensors.laser.geometry
-        sonar = None if sensors.sonar is None else sensors.sonar.geometry
-        self.observation_config = observations = observations.fitted(laser, sonar)
-        """The observation config, fitted to the sensors."""
+        observations = observations.fitted(*sensors.geometries)
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
@@ -107,17 +97,10 @@ class BatchedRobots:
         self._builder = ObservationBuilder(
             robots, observations, self.ground_laser, equipment.robot.radius
         )
-        self._stats = new_stats(robots, len(self.terms_of_reward))
         self._cell_area = observations.coverage.cell**2
-        self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
-        self._worlds: list[World | None] = [None] * robots
-        self.world_names = np.full(robots, None, object)
-        """The name of each robot's world."""
-        mappers = self._mappers
-        beliefs = np.zeros((robots, 3)) if mappers is None else mappers.poses
-        self._state = BatchState(
+        state = BatchState(
             poses=self._simulator.poses,
-            beliefs=beliefs,
+            beliefs=np.zeros((robots, 3)) if mappers is None else mappers.poses,
             home_places=np.zeros((robots, 3)) if mappers is None else mappers.homes,
             ways_home=np.full((robots, 7), np.nan) if mappers is None else mappers.ways_home,
             places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
@@ -128,11 +111,7 @@ class BatchedRobots:
             echoes=self._simulator.echoes,
             time_left=np.full(robots, np.inf),
         )
-        length = observations.flat_space.shape[0]
-        self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
-            (robots, length), np.float32
-        )
-        """The observations, one row per robot; a new array after each `drive`."""
+        super().__init__(robots, actions=actions, observations=observations, state=state)
 
     def check_start(self, world: World, start: Pose) -> None:
         """Check that a robot can start at a pose.
@@ -165,49 +144,6 @@ class BatchedRobots:
         begin_stats(row, start, stats)
         stats.before[row], stats.path_lengths[row] = start[:2], 0.0
 
-    def episode_snapshot(self, row: int) -> EpisodeSnapshot:
-        """Return the state of a robot at rest, and all that it knows."""
-        return EpisodeSnapshot(
-            start=self.starts[row].copy(),
-            path_length=float(self.path_lengths[row]),
-            body=self._simulator.snapshot(row),
-            progress=self._builder.snapshot(row),
-            belief=self.beliefs[row].copy(),
-            way_home=self._state.ways_home[row].copy(),
-            memory={} if self._mappers is None else self._mappers.state(row),
-        )
-
-    def restore(
-        self, row: int, world: World, snapshot: EpisodeSnapshot, key: int | None = None
-    ) -> None:
-        """Give a robot another one's state and knowledge in the same world, at step 0.
-
-        `key` seeds the noise from now on. By default it is the snapshot's key; the robot then
-        continues as the other one would have, except that its occupancy grid is empty.
-        """
-        body = snapshot.body if key is None else snapshot.body._replace(key=key)
-        self._set_out(row, world, snapshot.start, body.key)
-        self._simulator.restore(row, world, body)
-        self._builder.restore(row, snapshot.progress)
-        if self._mappers is None:
-            self._state.beliefs[row] = snapshot.belief
-            self._state.ways_home[row] = snapshot.way_home
-        else:
-            self._mappers.restore(row, snapshot.memory)
-        stats = self._stats
-        stats.before[row] = snapshot.body.pose[:2]
-        stats.path_lengths[row] = snapshot.path_length
-
-    def begin_return(self, row: int) -> None:
-        """Tell a robot's mapper that the robot is to return home from now on."""
-        if self._mappers is not None:
-            self._mappers.begin_return(row)
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether no wheel of any robot turns."""
-        return not self._simulator.wheels.any()
-
     def act(self, numbers: Numbers) -> None:
         """Make one control step of all robots with these actions."""
         self.drive(self.actions.commands(numbers))
@@ -220,10 +156,6 @@ class BatchedRobots:
         steps = self._stats.steps
         steps += 1
         self.observations = np.empty_like(self.observations)
-
-    def detach_observations(self) -> None:
-        """Use a new array from now on, so that observations handed out do not change."""
-        self.observations = self.observations.copy()
 
     def observe(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Let all robots, or those in `rows`, sense, map and observe; compute their rewards."""
@@ -279,21 +211,6 @@ class BatchedRobots:
         self._threads.close()
 
     @property
-    def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """True poses of the robots (world frame)."""
-        return self._state.poses
-
-    @property
-    def beliefs(self) -> Float64[np.ndarray, "robots 3"]:
-        """Estimated poses of the robots, in their maps' frames."""
-        return self._state.beliefs
-
-    @property
-    def homes(self) -> Float64[np.ndarray, "robots 3"]:
-        """Estimated poses of home, in the robots' own frames."""
-        return self._state.homes
-
-    @property
     def times(self) -> Float64[np.ndarray, "robots"]:
         """Simulated time since the start of each robot's episode (s)."""
         return self.steps * CONTROL_STEP
@@ -302,40 +219,6 @@ class BatchedRobots:
     def collided(self) -> Bool[np.ndarray, "robots"]:
         """Whether each touched something in the last step."""
         return self._simulator.collided
-
-    @property
-    def steps(self) -> Int64[np.ndarray, "robots"]:
-        """Number of control steps of each robot."""
-        return self._stats.steps
-
-    @property
-    def starts(self) -> Float64[np.ndarray, "robots 3"]:
-        """Start poses (world frame): the origins of the maps' frames."""
-        return self._stats.starts
-
-    @property
-    def path_lengths(self) -> Float64[np.ndarray, "robots"]:
-        """True distances driven (m)."""
-        return self._stats.path_lengths
-
-    @property
-    def rewards(self) -> Float64[np.ndarray, "robots"]:
-        """Rewards of the last step: the sums of the terms."""
-        return self._stats.rewards
-
-    @property
-    def terms(self) -> dict[str, Float64[np.ndarray, "robots"]]:
-        """Terms of the last step's reward, by name."""
-        return dict(zip(self.terms_of_reward, self._stats.terms.T, strict=True))
-
-    def terms_of(self, row: int) -> dict[str, float]:
-        """Return the terms of one robot's last reward, by name."""
-        return dict(zip(self.terms_of_reward, self._stats.terms[row].tolist(), strict=True))
-
-    @property
-    def position_errors(self) -> Float64[np.ndarray, "robots"]:
-        """Distance from each true position to the estimated one (m)."""
-        return self._stats.position_errors
 
     @property
     def coverages(self) -> Float64[np.ndarray, "robots"]:
@@ -391,12 +274,6 @@ class BatchedRobots:
         """Return the outlines of the moving obstacles around a robot now (world frame)."""
         return self._simulator.obstacles(row)
 
-    def world(self, row: int) -> World:
-        """Return the world of a robot."""
-        world = self._worlds[row]
-        assert world is not None, "a robot is nowhere before it begins"
-        return world
-
     def room(self, row: int) -> str:
         """Return the name of the room that a robot is truly in; empty between rooms."""
         room: int = self._builder.progress.room.item(row)
@@ -406,6 +283,49 @@ class BatchedRobots:
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
         return self._builder.rooms
+
+    def episode_snapshot(self, row: int) -> EpisodeSnapshot:
+        """Return the state of a robot at rest, and all that it knows."""
+        return EpisodeSnapshot(
+            start=self.starts[row].copy(),
+            path_length=float(self.path_lengths[row]),
+            body=self._simulator.snapshot(row),
+            progress=self._builder.snapshot(row),
+            belief=self.beliefs[row].copy(),
+            way_home=self._state.ways_home[row].copy(),
+            memory={} if self._mappers is None else self._mappers.state(row),
+        )
+
+    def restore(
+        self, row: int, world: World, snapshot: EpisodeSnapshot, key: int | None = None
+    ) -> None:
+        """Give a robot another one's state and knowledge in the same world, at step 0.
+
+        `key` seeds the noise from now on. By default it is the snapshot's key; the robot then
+        continues as the other one would have, except that its occupancy grid is empty.
+        """
+        body = snapshot.body if key is None else snapshot.body._replace(key=key)
+        self._set_out(row, world, snapshot.start, body.key)
+        self._simulator.restore(row, world, body)
+        self._builder.restore(row, snapshot.progress)
+        if self._mappers is None:
+            self._state.beliefs[row] = snapshot.belief
+            self._state.ways_home[row] = snapshot.way_home
+        else:
+            self._mappers.restore(row, snapshot.memory)
+        stats = self._stats
+        stats.before[row] = snapshot.body.pose[:2]
+        stats.path_lengths[row] = snapshot.path_length
+
+    def begin_return(self, row: int) -> None:
+        """Tell a robot's mapper that the robot is to return home from now on."""
+        if self._mappers is not None:
+            self._mappers.begin_return(row)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no wheel of any robot turns."""
+        return not self._simulator.wheels.any()
 
     def state(self, row: int) -> RobotState:
         """Return all that the future of a robot's episode depends on (copies)."""
