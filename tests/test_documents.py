@@ -22,7 +22,10 @@ from tests.env import quick
 PAGES = ("README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 SPAN = re.compile(r"`(albot [^`\n]*)`")
-ELSEWHERE = {"docs/mappers.md": "is tests/core/mappers/topological.py, see test_guide.py"}
+ELSEWHERE = {
+    "docs/mappers.md": "is tests/core/mappers/topological.py, see test_guide.py",
+    "docs/tasks.md": "is tests/env/tasks/visit_rooms.py, see test_guide.py",
+}
 """Pages whose code other tests run."""
 FASTER = {
     "num_envs=256": "num_envs=2",
