@@ -17,7 +17,7 @@ from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import (
     check_sensors,
-    config_for_robot,
+    config_for_radius,
     make_mapper,
     make_mappers,
     mapper_spec,
@@ -270,7 +270,7 @@ def equip(
         # Always the complete config: it identifies the equipment in the keys of journeys.
         if isinstance(mapper_config, Mapping):
             mapper_config = to_plain(mapper_config)
-        mapper_config = config_for_robot(full_config(spec, mapper_config), robot_config)
+        mapper_config = config_for_radius(full_config(spec, mapper_config), robot_config.radius)
     return Equipment(
         mapper=mapper,
         mapper_config=mapper_config,

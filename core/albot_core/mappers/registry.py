@@ -17,7 +17,6 @@ from albot_core.mappers.result_checks import check_array
 from albot_core.maps.layers import LAYERS
 from albot_core.plain_data import Location, read_config
 from albot_core.ranges import FROM_ONE
-from albot_core.robot import RobotConfig
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
@@ -359,15 +358,15 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
     return config
 
 
-def config_for_robot(config: Any, robot: RobotConfig) -> Any:
-    """Return a mapper's config with the radius of a robot as `way_home.robot_radius`, if it has it.
+def config_for_radius(config: Any, radius: float) -> Any:
+    """Return a mapper's config with a robot's radius (m) as `way_home.robot_radius`, if it has it.
 
     A mapper that finds its way home over a grid asks how wide the robot is.
     """
     way_home: Any = getattr(config, "way_home", None)
     if not hasattr(way_home, "robot_radius"):
         return config
-    return replace(config, way_home=replace(way_home, robot_radius=robot.radius))
+    return replace(config, way_home=replace(way_home, robot_radius=radius))
 
 
 def _load(spec: MapperSpec, field: str) -> Any:
