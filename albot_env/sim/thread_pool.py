@@ -17,6 +17,16 @@ MIN_ROWS_PER_THREAD = 32
 _SIZES = Range("a whole number from 1", 1.0, whole=True)
 
 
+def check_threads(size: int | None) -> None:
+    """Check a number of threads; None is for as many as there are processors.
+
+    Raises:
+        InputError: It is not a whole number from 1.
+    """
+    if size is not None and size not in _SIZES:
+        raise InputError("threads", f"{_SIZES.expected}, or None", str(size))
+
+
 class ThreadPool:
     """Threads that share work. Compiled code releases the GIL, so the threads run in parallel.
 
@@ -28,8 +38,7 @@ class ThreadPool:
     """
 
     def __init__(self, size: int | None) -> None:
-        if size is not None and size not in _SIZES:
-            raise InputError("threads", f"{_SIZES.expected}, or None", str(size))
+        check_threads(size)
         self.size = size or processors()
         self._pool: ThreadPoolExecutor | None = None
         self._owner = 0

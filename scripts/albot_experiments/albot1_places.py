@@ -14,7 +14,7 @@ from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import PlaceGraph
-from albot_experiments.mapping import EVERY_READING
+from albot_experiments.mapping import ALBOT1, EVERY_READING
 from albot_experiments.tours import Journey
 from albot_maps import World
 
@@ -106,7 +106,9 @@ def place_journey(
     Raises:
         InputError: The mapper is no Albot1.
     """
-    mapper = make_mapper(name, config=EVERY_READING if config is None else config)
+    if config is None and name in ALBOT1:
+        config = EVERY_READING
+    mapper = make_mapper(name, config=config)
     if not isinstance(mapper, Albot1):
         raise InputError("mapper", "one of Albot1's", name)
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)

@@ -26,6 +26,7 @@ from albot_core.mappers.registry import mapper_config as full_config
 from albot_core.plain_data import Location, read_config, to_plain
 from albot_core.robot import PIONEER_3DX, RobotConfig, choose_robot
 from albot_env.sim import Sensors, choose_sensors
+from albot_env.sim.thread_pool import check_threads
 from albot_maps import World, WorldSet
 
 Config = TypeVar("Config")
@@ -247,8 +248,10 @@ def equip(
 
     Raises:
         InputError: A robot, a sensor or the mapper is unknown, the mapper's config is invalid, it
-            needs a sensor that the robot lacks, or `movables` is neither true nor false.
+            needs a sensor that the robot lacks, `movables` is neither true nor false, or `threads`
+            is no number of threads.
     """
+    check_threads(threads)
     if not isinstance(movables, bool | np.bool_):
         raise InputError("movables", "True or False", repr(movables))
     robot_config = choose_robot(robot, environment)
