@@ -17,6 +17,13 @@ from jaxtyping import Bool, Float64, Int64, UInt8
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.ranges import COUNT, FROM_ONE
+from albot_env.tasks.core.batch_arguments import (
+    choose_mask,
+    choose_mode,
+    choose_seeds,
+    choose_worlds,
+    named,
+)
 from albot_env.tasks.core.batch_member import BatchMember
 from albot_env.tasks.core.copying import CopiedByState
 from albot_env.tasks.core.episode_state import (
@@ -38,14 +45,13 @@ from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
     Settings,
     Worlds,
-    check_seed,
     check_settings,
     choose_start,
     choose_world,
     settings_of,
 )
 from albot_env.tasks.core.spec import ConfiguredSpec
-from albot_maps import World, WorldSet, load_worlds
+from albot_maps import World
 
 Steps = tuple[
     Observation,
@@ -119,7 +125,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self.robot_config = interface.robot_config
         """Body and drive of the robots."""
         self.num_envs = num_envs
-        self.autoreset_mode = _choose_mode(autoreset_mode, environment)
+        self.autoreset_mode = choose_mode(autoreset_mode, environment)
         """When environments that are over are reset."""
         self.metadata = METADATA | {
             "render_modes": ["rgb_array"],
@@ -127,7 +133,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         }
         self.render_mode = render_mode
         radius = interface.robot_config.radius
-        self._worlds = _choose_worlds(world, num_envs, environment, radius)
+        self._worlds = choose_worlds(world, num_envs, environment, radius)
         self._limit = max_episode_steps
         self.single_action_space = interface.action_space
         self.single_observation_space = interface.observation_space
@@ -186,9 +192,9 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         if not isinstance(options or {}, Mapping):
             raise InputError(self._environment, "a mapping", repr(options), place="options")
         settings = dict(options or {})
-        mask = _choose_mask(settings.pop("reset_mask", None), self.num_envs, self._environment)
+        mask = choose_mask(settings.pop("reset_mask", None), self.num_envs, self._environment)
         rows = np.flatnonzero(mask)
-        seeds = _choose_seeds(seed, self.num_envs, rows, self._environment)
+        seeds = choose_seeds(seed, self.num_envs, rows, self._environment)
         for row, its_seed in zip(rows.tolist(), seeds, strict=True):
             if its_seed is not None or self._generators[row] is None:
                 self._generators[row], _ = seeding.np_random(its_seed)
@@ -358,7 +364,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             self._begun[row] = False
             self._robots.set_state(row, world, state.robot)
         except InputError as error:
-            raise _named(error, name) from None
+            raise named(error, name) from None
         self._generators[row] = generator_of(state.generator)
         self._world_numbers[row] = state.world_number
         self._begun[row] = True
@@ -449,7 +455,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             start = choose_start(world, generator, options, name)
             self._robots.check_start(world, start)
         except InputError as error:
-            raise _named(error, name) from None
+            raise named(error, name) from None
         return world, start, generator
 
     def _start_over(self, over: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
@@ -499,76 +505,3 @@ def _masked(
             copy[hidden] = None if copy.dtype == object else 0
         infos[key], infos[f"_{key}"] = copy, shown.copy()
     return infos
-
-
-def _choose_mode(mode: str | AutoresetMode, environment: str) -> AutoresetMode:
-    """Return the autoreset mode."""
-    try:
-        return AutoresetMode(mode)
-    except ValueError:
-        names = ", ".join(m.value for m in AutoresetMode)
-        raise InputError(
-            environment, f"one of {names}", str(mode), place="autoreset_mode"
-        ) from None
-
-
-def _choose_worlds(
-    world: Worlds | Sequence[Worlds], count: int, environment: str, robot_radius: float
-) -> list[WorldSet]:
-    """Return the worlds of each environment; those of one spec are the same objects."""
-    if isinstance(world, Sequence) and not isinstance(world, str):
-        specs = list(world)
-    else:
-        specs = [world] * count
-    if len(specs) != count:
-        raise InputError(environment, f"{count} worlds", str(len(specs)), place="world")
-    loaded: dict[Any, WorldSet] = {}
-    for row, spec in enumerate(specs):
-        try:
-            known = loaded.get(spec) if isinstance(spec, Worlds) else None
-            loaded[spec] = known or load_worlds(spec, robot_radius)
-        except InputError as error:
-            raise _named(error, f"{environment}, world of environment {row}") from None
-    return [loaded[spec] for spec in specs]
-
-
-def _named(error: InputError, environment: str) -> InputError:
-    """Return the same error with the environment named in it."""
-    if error.source == environment:
-        return error
-    place = f"{error.source}, {error.place}" if error.place else error.source
-    return InputError(environment, error.expected, error.found, place=place)
-
-
-def _choose_mask(mask: Any, count: int, environment: str) -> Bool[np.ndarray, "environments"]:
-    """Return which environments a reset is for; by default all."""
-    if mask is None:
-        return np.ones(count, np.bool_)
-    expected = f"an array of {count} bool, one of them true"
-    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,):
-        raise InputError(environment, expected, repr(mask), place="options.reset_mask")
-    if not mask.any():
-        raise InputError(environment, expected, "none true", place="options.reset_mask")
-    return mask
-
-
-def _choose_seeds(
-    seed: Any, count: int, rows: Int64[np.ndarray, "some"], environment: str
-) -> list[int | None]:
-    """Return the seeds of the environments `rows` out of `count`."""
-    if seed is None:
-        seeds: list[int | None] = [None] * count
-    elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
-        seeds = list(np.atleast_1d(np.asarray(seed, object)))
-    else:
-        first = check_seed(seed, environment)
-        seeds = [first + k for k in range(count)]
-    if len(seeds) != count:
-        raise InputError(environment, f"{count} seeds", str(len(seeds)), place="seed")
-    seeds = [
-        None
-        if its_seed is None
-        else check_seed(its_seed, environment, f"seed of environment {row}")
-        for row, its_seed in enumerate(seeds)
-    ]
-    return [seeds[row] for row in rows.tolist()]

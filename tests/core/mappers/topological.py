@@ -12,7 +12,8 @@ import numpy as np
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import register_mapper
-from albot_core.mappers.schema import Field, Pack, Schema, StoredMapper
+from albot_core.mappers.schema import Field, Pack, Schema
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode
 from albot_core.ranges import FROM_ONE, POSITIVE, check_fields
 from albot_core.sensing.reading import Reading

@@ -33,7 +33,8 @@ from albot_core.mappers.albot0.steps import NO_STEPS, Steps
 from albot_core.mappers.albot0.trail import Trail
 from albot_core.mappers.albot0.way_back import WayBack
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
-from albot_core.mappers.schema import Arrays, StoredMapper
+from albot_core.mappers.schema import Arrays
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
 from albot_core.sensing.reading import Reading
 

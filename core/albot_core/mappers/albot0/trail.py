@@ -28,7 +28,8 @@ from albot_core.mappers.albot0.particles import Particles
 from albot_core.mappers.albot0.paths import FARTHEST
 from albot_core.mappers.albot0.state import all_steps
 from albot_core.mappers.albot0.steps import NO_STEPS, Steps, join_steps
-from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
+from albot_core.mappers.stored import Stored
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 _PARTICLES = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)

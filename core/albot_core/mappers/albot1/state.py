@@ -38,7 +38,15 @@ from albot_core.mappers.albot1.places.network_state import (
     rebuilt_network,
     stored_network,
 )
-from albot_core.mappers.schema import LONGEST, Arrays, Field, Pack, Schema, Sizes, refuse_unless
+from albot_core.mappers.schema import (
+    LONGEST,
+    Arrays,
+    Field,
+    Pack,
+    Schema,
+    Sizes,
+    refuse_unless,
+)
 
 
 def _check_slots(state: Arrays, sizes: Sizes) -> None:

@@ -32,9 +32,9 @@ from albot_core.mappers.schema import (
     Pack,
     Schema,
     Sizes,
-    StoredMapper,
     refuse_unless,
 )
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import Reading

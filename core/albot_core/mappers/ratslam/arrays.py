@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.mappers.schema import Arrays, Field, Schema, Stored
+from albot_core.mappers.schema import Arrays, Field, Schema
+from albot_core.mappers.stored import Stored
 
 _FIRST = 64
 """Initial capacity (rows)."""

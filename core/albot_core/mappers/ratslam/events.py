@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.mappers.ratslam.arrays import Table
-from albot_core.mappers.schema import Field, Schema, Stored
+from albot_core.mappers.schema import Field, Schema
+from albot_core.mappers.stored import Stored
 
 RELOCALISED, SEEDED = 0, 1
 """The kinds of events."""

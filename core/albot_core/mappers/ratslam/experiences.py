@@ -19,7 +19,8 @@ from albot_core.mappers.ratslam.config import CorrectionConfig, ExperienceConfig
 from albot_core.mappers.ratslam.correction import correct_all_at_once, correct_link_by_link
 from albot_core.mappers.ratslam.pose_cells import Packet
 from albot_core.mappers.ratslam.winding import turns_of
-from albot_core.mappers.schema import Field, Schema, Stored
+from albot_core.mappers.schema import Field, Schema
+from albot_core.mappers.stored import Stored
 
 FASTEST = 10.0
 """Highest speed of a transition (m/s), because stamps may stand still or run backwards."""

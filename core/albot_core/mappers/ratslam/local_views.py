@@ -18,7 +18,8 @@ from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import LocalViewConfig
 from albot_core.mappers.ratslam.motions import Motion, before
 from albot_core.mappers.ratslam.pose_cells import PoseCells
-from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Sizes, Stored, refuse_unless
+from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Sizes, refuse_unless
+from albot_core.mappers.stored import Stored
 
 NO_VIEW = -1
 """The view of a robot that recognises nothing."""

@@ -21,7 +21,8 @@ from albot_core.mappers.ratslam.pose_cells import Packet, PoseCells
 from albot_core.mappers.ratslam.position import Position
 from albot_core.mappers.ratslam.state import RULES
 from albot_core.mappers.ratslam.visual_input import LaserInput, SceneInput
-from albot_core.mappers.schema import Field, Schema, StoredMapper
+from albot_core.mappers.schema import Field, Schema
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading

@@ -30,7 +30,8 @@ from albot_core.mappers.ratslam.panorama_kernels import (
     gather,
     score_match,
 )
-from albot_core.mappers.schema import Arrays, Field, Schema, Stored
+from albot_core.mappers.schema import Arrays, Field, Schema
+from albot_core.mappers.stored import Stored
 from albot_core.sensing.reading import LaserScan
 
 BEAMS = 181

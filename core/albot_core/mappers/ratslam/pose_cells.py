@@ -19,7 +19,8 @@ from albot_core.geometry.pose_kernels import rotate
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.config import PoseCellConfig
-from albot_core.mappers.schema import Field, Schema, Stored
+from albot_core.mappers.schema import Field, Schema
+from albot_core.mappers.stored import Stored
 
 REACH = 2
 """Distance over which a cell excites and inhibits others, along each axis (cells)."""

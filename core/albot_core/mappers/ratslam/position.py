@@ -20,7 +20,8 @@ from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of,
 from albot_core.mappers.ratslam.pose_cells import Packet
 from albot_core.mappers.ratslam.verification import Transition, Verification
 from albot_core.mappers.ratslam.winding import HeadingBias
-from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Stored
+from albot_core.mappers.schema import Arrays, Field, Pack, Schema
+from albot_core.mappers.stored import Stored
 
 
 class Position(Stored):

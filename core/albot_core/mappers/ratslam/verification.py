@@ -15,7 +15,8 @@ import numpy as np
 
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.motions import Motion, after, motion_of
-from albot_core.mappers.schema import Field, Pack, Schema, Stored
+from albot_core.mappers.schema import Field, Pack, Schema
+from albot_core.mappers.stored import Stored
 
 
 class Transition(NamedTuple):

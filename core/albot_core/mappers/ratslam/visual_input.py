@@ -19,7 +19,8 @@ from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of,
 from albot_core.mappers.ratslam.panoramas import Panoramas, ViewMatch
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
-from albot_core.mappers.schema import Field, Schema, Stored
+from albot_core.mappers.schema import Field, Schema
+from albot_core.mappers.stored import Stored
 from albot_core.sensing.reading import LaserScan, Reading
 
 Injection = tuple[Int64[np.ndarray, "injected"], Float64[np.ndarray, "injected"]]

@@ -16,7 +16,8 @@ import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of, rotate
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.schema import Field, Schema, Stored
+from albot_core.mappers.schema import Field, Schema
+from albot_core.mappers.stored import Stored
 
 _FASTEST, _BIN = math.radians(30.0), math.radians(0.1)
 _BINS = 2 * round(_FASTEST / _BIN) + 1

@@ -10,8 +10,9 @@ from jaxtyping import Float64, Int64
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
 from albot_core.mappers.slam.tiles import NONE
+from albot_core.mappers.stored import Stored
 
 _SLACK = 4096
 """Poses of dead particles are dropped once there are this many more poses than twice those kept."""

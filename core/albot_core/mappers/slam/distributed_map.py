@@ -27,7 +27,14 @@ from jaxtyping import Float64, Int16, Int64
 
 from albot_core.geometry.types import Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, lead_out, refuse_unless
+from albot_core.mappers.schema import (
+    Arrays,
+    Field,
+    Schema,
+    Sizes,
+    lead_out,
+    refuse_unless,
+)
 from albot_core.mappers.slam.ancestry import count_known, known_beams, order_nodes
 from albot_core.mappers.slam.observations import (
     CHUNK,
@@ -39,6 +46,7 @@ from albot_core.mappers.slam.observations import (
     made_square_at,
 )
 from albot_core.mappers.slam.tiles import NONE, TILE, extend_index, fit_an_index
+from albot_core.mappers.stored import Stored
 
 _FAR = 1e12
 """Largest coordinate (m); farther ones are clipped, so that tiles can be counted."""

@@ -22,7 +22,6 @@ from albot_core.mappers.schema import (
     Field,
     Schema,
     Sizes,
-    StoredMapper,
     generator,
     refuse_unless,
 )
@@ -42,6 +41,7 @@ from albot_core.mappers.slam.opacity import Beams, slots_needed, used_beams, wei
 from albot_core.mappers.slam.scan_entry import enter_scan
 from albot_core.mappers.slam.tiles import NONE
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import (
     MapSnapshot,
     OccupancyGridLayer,

@@ -19,21 +19,14 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_points
 from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, WayHome
-from albot_core.mappers.schema import (
-    Arrays,
-    Field,
-    Pack,
-    Schema,
-    Sizes,
-    StoredMapper,
-    refuse_unless,
-)
+from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Sizes, refuse_unless
 from albot_core.mappers.slam.graph_slam_config import GraphSlamConfig
 from albot_core.mappers.slam.grid import LogOddsGrid
 from albot_core.mappers.slam.laser_state import check_laser, laser_numbers, laser_of
 from albot_core.mappers.slam.local_map import LocalMap, Match, ScanPoints, scan_points
 from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import (
     MapSnapshot,
     PlaceEdge,

@@ -19,7 +19,7 @@ from jaxtyping import Float32, Float64, Int32, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.schema import Arrays, Field, Schema, Stored
+from albot_core.mappers.schema import Arrays, Field, Schema
 from albot_core.mappers.slam.tiles import (
     NONE,
     TILE,
@@ -34,6 +34,7 @@ from albot_core.mappers.slam.tiles import (
     writable_tile,
 )
 from albot_core.mappers.slam.way_home import Ground
+from albot_core.mappers.stored import Stored
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserScan

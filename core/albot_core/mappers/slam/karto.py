@@ -23,10 +23,11 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, WayHome
-from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, StoredMapper, refuse_unless
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
 from albot_core.mappers.slam.laser_state import check_laser, laser_numbers, laser_of
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
 from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, POSITIVE, check_fields
 from albot_core.sensing.reading import LaserScan, Reading

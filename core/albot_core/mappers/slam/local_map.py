@@ -18,7 +18,8 @@ from jaxtyping import Float64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.geometry.types import Points, Pose, Poses
-from albot_core.mappers.schema import Arrays, Field, Schema, Stored
+from albot_core.mappers.schema import Arrays, Field, Schema
+from albot_core.mappers.stored import Stored
 from albot_core.matching.correlation import Window, correlate
 from albot_core.matching.likelihood_field import FieldConfig, LikelihoodField
 from albot_core.matching.refinement import refine

@@ -19,11 +19,12 @@ from jaxtyping import Float64
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, WayHome
-from albot_core.mappers.schema import Field, Schema, StoredMapper, generator
+from albot_core.mappers.schema import Field, Schema, generator
 from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
 from albot_core.mappers.slam.particles import Particles
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, ParticlesLayer, TrajectoryLayer
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import LaserScan, Reading

@@ -14,7 +14,7 @@ from jaxtyping import Float64, Int32, Int64
 
 from albot_core.geometry.types import Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid, integrate_scan
 from albot_core.mappers.slam.tiles import (
     MOST_TILES,
@@ -26,6 +26,7 @@ from albot_core.mappers.slam.tiles import (
     release_tiles,
     tiles_around,
 )
+from albot_core.mappers.stored import Stored
 from albot_core.sensing.reading import LaserScan
 
 _CELLS = f"tiles {TILE} {TILE}"

@@ -19,7 +19,8 @@ from jaxtyping import Float64, Int32
 
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, Stored, refuse_unless
+from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
+from albot_core.mappers.stored import Stored
 
 
 def _check_edges(state: Arrays, sizes: Sizes) -> None:

@@ -16,10 +16,11 @@ import numpy as np
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, WayHome
-from albot_core.mappers.schema import Field, Pack, Schema, StoredMapper
+from albot_core.mappers.schema import Field, Pack, Schema
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
 from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
 from albot_core.sensing.reading import Reading
 

@@ -10,7 +10,15 @@ from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
 from albot_core.mappers.albot1.trail.path_tree import MIN_LINK
-from albot_core.mappers.schema import LONGEST, Arrays, Field, Pack, Schema, Sizes, refuse_unless
+from albot_core.mappers.schema import (
+    LONGEST,
+    Arrays,
+    Field,
+    Pack,
+    Schema,
+    Sizes,
+    refuse_unless,
+)
 
 
 def _check_places(state: Arrays, sizes: Sizes) -> None:
