@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,20 @@ def test_worlds_that_come_and_go_change_nothing(kept: str, request) -> None:
         for number, world in enumerate(WORLDS):
             alone = BatchSimulator(1, robot=PIONEER_3DX, sensors=SENSORS)
             assert senses(batch, 0, world, turn) == senses(alone, 0, world, turn), number
+
+
+@pytest.mark.parametrize("without", ["sonar", "scenes"])
+def test_a_sensor_changes_no_bit_of_another_one(without: str) -> None:
+    """Each draws its noise at counters of its own."""
+    fewer = dataclasses.replace(SENSORS, **{without: None})
+    readings = []
+    for sensors in (SENSORS, fewer):
+        batch = BatchSimulator(1, robot=PIONEER_3DX, sensors=sensors)
+        senses(batch, 0, WORLDS[0], 3)
+        parts = {"sonar": batch.echoes, "scenes": batch.scenes}
+        others = batch.motions, batch.ranges, *(parts[name] for name in parts if name != without)
+        readings.append([part.tobytes() for part in others])
+    assert readings[0] == readings[1]
 
 
 def test_robots_meet_the_walls_of_their_own_world(two_rooms: World, box: World) -> None:

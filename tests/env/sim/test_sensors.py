@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,17 @@ from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
 from albot_env.sim.sensors import Sensors, choose_sensors
 from albot_env.sim.sonar import SONARS
+from tests.conftest import ROOT
+
+STEP = re.compile(r"^\| \d+ [^|]*\| `([^`]+)` \| `([^`]+)` \|", re.MULTILINE)
+
+
+def test_the_guide_names_places_that_there_are() -> None:
+    steps = STEP.findall((ROOT / "docs" / "sensors.md").read_text(encoding="utf-8"))
+    assert len(steps) == 10
+    for file, name in steps:
+        code = (ROOT / file).read_text(encoding="utf-8")
+        assert re.search(rf"^((class|def) {name}\b|{name}\b.* =)", code, re.MULTILINE), name
 
 
 def test_the_default_robot_has_laser_odometer_and_sonars() -> None:
