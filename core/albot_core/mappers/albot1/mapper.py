@@ -42,12 +42,12 @@ class Albot1:
 
     @classmethod
     def thesis(cls) -> Albot1:
-        """`albot1-thesis`: the thesis to the letter."""
+        """Return the mapper `albot1-thesis`, which follows the thesis to the letter."""
         return cls(Albot1Config.thesis(), "albot1-thesis")
 
     @classmethod
     def tracked(cls) -> Albot1:
-        """`albot1-tracked`: landmarks tracked from view to view localise it together."""
+        """Return the mapper `albot1-tracked`, localised jointly by landmarks tracked over views."""
         return cls(Albot1Config.tracked(), "albot1-tracked")
 
     @property
