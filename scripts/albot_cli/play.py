@@ -35,7 +35,7 @@ AGENTS = {
 }
 """The default agent of each task."""
 SUFFIX = ".mcap"
-"""Suffix of episodes, which tells them from tasks here, and from logs in `albot map`."""
+"""Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
 PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
 """Options that select the robot or a sensor by name, named like the environment's arguments."""
 RUN_ONLY = (
