@@ -77,7 +77,7 @@ class Albot0(StoredMapper):
         """Process a reading; return whether a robot path ended, which the map then holds.
 
         Raises:
-                InputError: The reading lacks sonars, or no sonar points to one of the sides.
+            InputError: The reading lacks sonars, or no sonar points to one of the sides.
         """
         sonar = reading.required_sonar(self._name)
         side_sonars(sonar.geometry)

@@ -146,7 +146,7 @@ class Albot1:
         """Return the exits on the believed way to a place, the next first, in the map's frame (m).
 
         Raises:
-                InputError: No place has this id.
+            InputError: No place has this id.
         """
         return way_lines(self._robot.network(0), self._robot.poses[0], place)
 

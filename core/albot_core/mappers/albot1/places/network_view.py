@@ -81,7 +81,7 @@ class Network:
         """Return the place with an id.
 
         Raises:
-                KeyError: There is no such place.
+            KeyError: There is no such place.
         """
         for place in self.places:
             if place.id == place_id:
