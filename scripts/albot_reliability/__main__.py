@@ -1,4 +1,4 @@
-"""`python -m albot_reliability`: the page of what was tried, and digests of all that comes out."""
+"""`python -m albot_reliability`: the page on reliability, and digests of all results."""
 
 from __future__ import annotations
 
