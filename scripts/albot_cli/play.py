@@ -297,7 +297,7 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
 
 @contextmanager
 def _report_partial_recording(record: Path) -> Iterator[None]:
-    """If Ctrl-C ends the episode, print which file holds it."""
+    """Print which file holds the episode if Ctrl-C ends it."""
     try:
         yield
     except KeyboardInterrupt:

@@ -167,7 +167,7 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
 
 
 def keys_expected() -> bool:
-    """Whether a viewer with keys seems available, judged without opening one."""
+    """Return whether a viewer with keys seems available, without opening one."""
     from albot_env.rendering.display import display_found
 
     streams = (sys.stdin, sys.stdout)
