@@ -244,7 +244,7 @@ class PlaceNetwork:
         return self.places[door.leads_to].exits[door.exit_there]
 
     def _return(self, step: int, door: LearnedExit, line: Line, pose: Pose) -> None:
-        """Leave a place that the robot had entered unnoticed through that place's exit `door`.
+        """Enter the place behind `door`, an exit of a place that the robot had entered unnoticed.
 
         This is ours. The surfaces seen since the robot last crossed an exit belong to both places
         and cannot be told apart, so they are added to neither description. The return makes the
