@@ -1,4 +1,4 @@
-"""How long Albot0 takes to split a long journey into regions."""
+"""Time that Albot0 takes to split a long journey into regions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from albot_core.mappers.albot0.regions import RegionConfig, split_journey
 from albot_core.mappers.albot0.steps import NO_STEPS, join_steps
 
 _PATHS = 500
-"""Robot paths of the journey that is split into regions."""
+"""Number of robot paths of the journey that is split into regions."""
 
 
 def measure_splitting(paths: int = _PATHS, rounds: int = 5) -> list[dict[str, float | int | str]]:
-    """Time the region split and merge of `albot0`, which is run at every stop, on a long journey.
+    """Time the region split and merge of `albot0`, which runs at every stop, on a long journey.
 
-    The journey is the tour over and over, each time a little aside as a drifting odometer has it.
+    The journey repeats the tour, each time shifted a little as by a drifting odometer.
 
     Returns:
-        The mapper's `name`, how many robot `paths` and `regions`, and the time `split_ms` that a
-        processor works for one split (ms, the least of `rounds`).
+        The mapper's `name`; the numbers of robot `paths` and of `regions`; and `split_ms`, the
+        processor time of one split (ms, the least of `rounds`).
     """
     mapper = Albot0()
     for reading in tour_readings(has_sonars=True):

@@ -21,7 +21,7 @@ _ROBOT = pymunk.ShapeFilter(group=1)
 
 
 class PymunkLoopEnv:
-    """A naive environment, written by pymunk's manual.
+    """A naive environment, written as pymunk's manual suggests.
 
     A disc among walls, stepped like our robots (`SUBSTEPS` of `PHYSICS_STEP`), and a laser with one
     query per beam. It has no odometer, no map, no reward and no checks.

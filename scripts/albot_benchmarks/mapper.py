@@ -1,4 +1,4 @@
-"""Readings per second of the mappers, and how a large map changes it."""
+"""Readings per second of the mappers, and the effect of a large map on them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _SIZES = (1_000, 100_000)
 _BATCH = 256
 """Number of robots in a batch."""
 BATCHED_FROM = 2000.0
-"""Least readings per second of a mapper that is timed in batches: of slower ones, 256 robots would
-take minutes."""
+"""Least readings per second of a mapper that is timed in batches: with slower ones, 256 robots
+would take minutes."""
 _BATCH_STEPS = 20
 """Readings per robot of a batch."""
 _SPREAD = 50.0

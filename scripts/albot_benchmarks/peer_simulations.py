@@ -56,7 +56,7 @@ class Simulation(Protocol):
 
 
 class Scene(NamedTuple):
-    """What a simulation is made of."""
+    """The data from which a simulation begins."""
 
     world: World
     geometry: LaserGeometry
@@ -88,7 +88,7 @@ class _Ours:
 
 
 def _with_sonars(scene: Scene) -> _Ours:
-    """Begin a simulation with our usual sensors and their noise: eight sonars too."""
+    """Return our simulation with our usual sensors, including eight sonars, and their noise."""
     return _Ours(scene, replace(choose_sensors(), laser=LaserConfig(geometry=scene.geometry)))
 
 
@@ -324,7 +324,7 @@ class _Jalansim:
 
 
 class _F1tenth:
-    """Cars of f1tenth_gym, as its fork gymkhana has them, in one Euler step of 0.1 s."""
+    """Cars of f1tenth_gym, in its fork gymkhana, with one Euler step of 0.1 s."""
 
     def __init__(self, scene: Scene) -> None:
         from gymkhana.envs.action import CarAction

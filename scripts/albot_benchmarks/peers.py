@@ -1,4 +1,4 @@
-"""Other simulators with a planar laser: how fast they step the same robots in the same worlds."""
+"""Other simulators with a planar laser: their speed with the same robots in the same worlds."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ def measure_peers(
 ) -> list[Row]:
     """Time each simulator, and ours, in the same worlds with the same beams, in turns.
 
-    Ours has a laser without noise like the others, and an odometer. The time is that of the
-    processor: a simulator that uses several cores gains nothing by them.
+    Ours has a laser without noise like the others, and an odometer. The time is processor time, so
+    a simulator that uses several cores gains nothing by them.
 
     Returns:
-        For each that is not installed, one row: `name` and `missing`. For each other, ours first,
-        a row for each world and number of beams: `name`, `version` (None for ours), `world`,
-        `walls`, `beams`, `robots` (stepped at once), `steps_per_cpu_second` (of one robot; the
-        median of the turns), `ratio` (ours divided by this), `range_error` (the median distance
-        from the exact range, m), `off` (share of ranges that differ by more than `OFF`), and
-        `wrong`, whether these are too many.
+        One row for each simulator that is not installed: `name` and `missing`. For each other
+        simulator, ours first, one row for each world and number of beams: `name`, `version` (None
+        for ours), `world`, `walls`, `beams`, `robots` (stepped at once), `steps_per_cpu_second` (of
+        one robot; the median of the turns), `ratio` (ours divided by this), `range_error` (the
+        median distance from the exact range, m), `off` (share of ranges that differ by more than
+        `OFF`), and `wrong`, whether `off` is above `MOST_OFF`.
     """
-    # Of libraries that start threads of their own; read where they are loaded.
+    # For libraries that start threads of their own; they read it when they are loaded.
     os.environ["OMP_NUM_THREADS"] = "1"
     installed = [*OURS, *(peer for peer in peers if peer.version)]
     rows: list[Row] = []
@@ -100,9 +100,9 @@ def _measure(peers: Sequence[Peer], world: str, beams: int, rounds: int) -> list
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep what other people's code warns of and prints out of our output.
+    """Suppress the warnings and the output of other simulators.
 
-    Some of it sets `sys.stdout` back, so the file is redirected as well.
+    Some of them reset `sys.stdout`, so the file is redirected as well.
     """
     sys.stdout.flush()
     ours = os.dup(1)
@@ -129,7 +129,7 @@ def _commands(robots: int) -> Float64[np.ndarray, "steps robots 2"]:
 
 
 def _compared(simulation: Simulation, walls: Segments, geometry: LaserGeometry) -> Row:
-    """Return how far the ranges are from the exact ones at the same poses."""
+    """Return the errors of the ranges, compared with exact ones at the same poses."""
     exact = np.array([ray_ranges(walls, pose, geometry.bearings) for pose in simulation.poses()])
     reach = geometry.max_range
     errors = np.abs(np.minimum(simulation.ranges(), reach) - np.minimum(exact, reach))
@@ -138,7 +138,7 @@ def _compared(simulation: Simulation, walls: Segments, geometry: LaserGeometry) 
 
 
 def _workload(simulation: Simulation, commands: Float64[np.ndarray, "steps robots 2"]) -> Workload:
-    """Return a turn of at least `TURN` seconds, which goes on where the last one ended."""
+    """Return a turn of at least `TURN` seconds, which continues where the last one ended."""
     ahead, began = cycle(commands), time.perf_counter()
     simulation.step(next(ahead))
     steps = max(1, math.ceil(TURN / (time.perf_counter() - began)))

@@ -72,7 +72,7 @@ def _mapping(name: str, readings: Sequence[Reading], rounds: int) -> Row:
 
 
 def _batches(steps: int, rounds: int) -> list[Row]:
-    """Robots that wander about in an office, each with a mapper of its own."""
+    """Time batches of robots that wander about in an office, each with its own mapper."""
     world = load_world(WORLD)
     cases = {
         name: Case(mapper=name, num_envs=_BATCH, steps=steps, scenes=scenes)

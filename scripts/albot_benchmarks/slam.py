@@ -1,4 +1,4 @@
-"""How fast the systems of metric SLAM are, beside OpenKarto in the same run."""
+"""Speed of the systems of metric SLAM, beside OpenKarto in the same run."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ SYSTEMS = ("scan-matching", "graph-slam", "gmapping", "grid-slam", "dp-slam", YA
 def measure_slam(
     readings: Sequence[Reading] | None = None, rounds: int = 3
 ) -> list[dict[str, float | str | None]]:
-    """Time the systems that are installed on a run of readings, in turns.
+    """Time the installed systems on a sequence of readings, in turns.
 
     Args:
         readings: The readings; by default those of a simulated tour of `office-ring`.
-        rounds: How many turns each has; the best counts.
+        rounds: Number of turns of each system; the best counts.
 
     Returns:
-        For each its `name`; `readings_per_second`; the same by the time that a processor works for
-        it, `readings_per_cpu_second`; and how many times that is what the yardstick does in the
-        same run, `ratio_to_karto`, None where that is not installed.
+        One row per system: `name`; `readings_per_second`; `readings_per_cpu_second`, the same by
+        processor time; and `ratio_to_karto`, the latter over the yardstick's in the same run, None
+        if the yardstick is not installed.
     """
     sensed = tour_readings() if readings is None else readings
     names = [name for name in SYSTEMS if name in installed_mappers()]
@@ -45,7 +45,7 @@ def measure_slam(
 
 
 def _turn(name: str, readings: Sequence[Reading]) -> Callable[[], int]:
-    """Leads a fresh mapper through all readings."""
+    """Return a workload in which a new mapper processes all readings."""
 
     def turn() -> int:
         mapper = make_mapper(name, rng=np.random.default_rng(0))

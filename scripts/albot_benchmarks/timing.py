@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 Workload = Callable[[], int]
-"""Does a piece of work and returns its number of steps."""
+"""A function that does a piece of work and returns its number of steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Rate:
 def best_rates(workloads: Mapping[str, Workload], rounds: int) -> dict[str, Rate]:
     """Return each workload's best rates over several rounds, in which each has one turn.
 
-    One turn of each comes before, which is not timed and compiles.
+    Before the rounds each workload runs once, untimed, to compile its code.
     """
     for workload in workloads.values():
         workload()

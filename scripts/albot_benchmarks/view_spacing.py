@@ -1,4 +1,4 @@
-"""How far apart `albot1` takes its views: its errors and its speed, in random worlds."""
+"""The effect of the distance between views on `albot1`'s errors and speed, in random worlds."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ KINDS = ("office", "apartment", "hall", "warehouse")
 TUNING_SEEDS, TEST_SEEDS = range(6000, 6064), range(7000, 7064)
 """Seeds of the worlds in which the spacing was chosen, and of those that are measured."""
 STEPS = 900
-"""Length of a drive: 90 s."""
+"""Number of steps of a drive: 90 s."""
 NEAR = 0.7
-"""The robot turns away from what is nearer ahead (m)."""
+"""The robot turns away from obstacles ahead that are nearer than this (m)."""
 FAR = 10.0
-"""It turns to the side on which it sees farther, up to this range (m)."""
+"""The robot turns to the side with the larger ranges, each counted up to this (m)."""
 
 Row = dict[str, float | int | str]
 
 
 class Wanderers:
-    """Robots that drive on, swerve a little, and turn away from what is near ahead.
+    """Robots that drive forward, swerve a little, and turn away from obstacles ahead.
 
     Args:
-        count: How many robots.
-        beams: How many beams their lasers have.
+        count: Number of robots.
+        beams: Number of beams of their lasers.
     """
 
     def __init__(self, count: int, beams: int) -> None:
@@ -46,7 +46,7 @@ class Wanderers:
         self._right, self._left = slice(0, 3 * beams // 8), slice(5 * beams // 8, beams)
 
     def act(self, ranges: Float64[np.ndarray, "robots beams"]) -> Float32[np.ndarray, "robots 2"]:
-        """Return each robot's speed and turn rate, as shares of the greatest."""
+        """Return each robot's speed and turn rate, as shares of the maximum."""
         ranges = np.minimum(ranges, FAR)
         count = len(ranges)
         self._swerve = 0.95 * self._swerve + 0.15 * self._rng.normal(size=count)
@@ -65,22 +65,23 @@ def measure_view_spacing(
     spacings: Sequence[tuple[float, float]] = SPACINGS,
     odometer: str = "pioneer",
 ) -> list[Row]:
-    """Lead robots through random worlds, the same way under each spacing of views.
+    """Drive robots through random worlds, in the same way with each spacing of views.
 
     Args:
-        seeds: A world, and a robot, each.
-        steps: How long they drive (0.1 s).
+        seeds: Seeds of the worlds, with one robot each.
+        steps: Length of the drive (steps of 0.1 s).
         kinds: The kinds of worlds.
         spacings: Distances (m) and turns (degrees) between views.
-        odometer: The preset of their odometers.
+        odometer: The preset of the robots' odometers.
 
     Returns:
         One row per kind and spacing: `kind`, `spacing_m`, `turn_deg`, `views_per_step`;
-        `error_median_m` and `error_95_m`, of the believed positions over all robots and steps, and
-        `last_95_m`, of the last ones alone; `rooms`, how often robots entered a room that was new
-        to them, `exits`, how often they noticed an exit crossed, and `places`, how many they
-        remember, in all; `us_per_step`, the processor time of a robot's step (the median of all
-        steps), and `speed`, how many times as fast as under the first spacing.
+        `error_median_m` and `error_95_m`, the errors of the estimated positions over all robots and
+        steps, and `last_95_m`, of the last ones alone; `rooms`, the number of times that a robot
+        entered a room for the first time, `exits`, the number of exit crossings noticed, and
+        `places`, the number of places remembered, in all; `us_per_step`, the processor time of a
+        robot's step (the median of all steps), and `speed`, the ratio of the first spacing's
+        `us_per_step` to it.
     """
     return [row for kind in kinds for row in _of_kind(kind, seeds, steps, spacings, odometer)]
 

@@ -17,7 +17,7 @@ _FILE = PathType(dir_okay=False)
 
 @click.group()
 def command() -> None:
-    """The agents that drive robots."""
+    """List the agents; write the model card of a trained one."""
 
 
 @command.command("list")

@@ -35,7 +35,7 @@ PARTS = (
     "peers",
 )
 PAGES = {"journey": write_long_run, "peers": write_peers}
-"""The parts that have a page, and what writes it."""
+"""The parts that have a page, and the functions that write it."""
 
 
 @click.command()

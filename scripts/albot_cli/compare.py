@@ -92,12 +92,12 @@ def command(
     as_json: bool,
     **presets: str | None,
 ) -> int:
-    """Lead several mappers through the same readings, and set their figures side by side.
+    """Run several mappers on the same readings, and compare their figures.
 
-    The readings are those of a real robot's LOG, of a recorded EPISODE, or of a robot that
-    explores a WORLD (a name, a file or random:KIND:SEED). Each run has a process of its own. Of
-    several seeds the median is told, and the worst error. The exit status is 1 where a run died,
-    and 130 where Ctrl-C ended it before: then the figures are those of the runs so far.
+    The readings are those of a real robot's LOG, of a recorded EPISODE, or of a robot that explores
+    a WORLD (a name, a file or random:KIND:SEED). Each run has a process of its own. For several
+    seeds the medians and the worst error are shown. The exit status is 1 if a run died, and 130 if
+    Ctrl-C stopped the command: then the figures are those of the runs so far.
     """
     from albot_agents.evaluation.plan import parse_seeds
     from albot_cli.comparison_report import FILES, as_text, rows_of, write_files
@@ -147,7 +147,7 @@ def _check_options(
 
 
 def _given(ctx: click.Context, name: str) -> bool:
-    """Whether an option stands on the command line."""
+    """Return whether an option stands on the command line."""
     return ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
 
 

@@ -179,15 +179,15 @@ def way_out(task: str, text: str) -> Any:
 
 
 def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], bool]:
-    """Run the trials of all agents, in turn, so that what is interrupted has the same episodes.
+    """Run the trials of all agents in turn, so that a stopped run has the same episodes of each.
 
     Args:
         trials: The trials of each agent, all in the same order.
         jobs: Number of processes.
 
     Returns:
-        The outcomes of each agent, of those trials that all have ended, in the order of the
-        trials; and whether Ctrl-C stopped the run.
+        The outcomes of each agent, in the order of the trials, for the trials that have ended with
+        all agents; and whether Ctrl-C stopped the run.
     """
     from albot_agents.evaluation.trial import TrialRunner
     from albot_agents.workers import run_parallel

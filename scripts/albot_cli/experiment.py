@@ -54,7 +54,7 @@ def command() -> None:
 
 @command.group(cls=LazyGroup, package="albot_studies", summaries=STUDIES)
 def study() -> None:
-    """Measure again what the pages in docs/ tell of the mappers."""
+    """Repeat the measurements that the pages in docs/ report of the mappers."""
 
 
 @command.command("list")
@@ -121,7 +121,7 @@ def write_page(folder: Path, force: bool) -> None:
 @click.argument("folder", type=PathType())
 @FORCE
 def write_ablation(folder: Path, force: bool) -> None:
-    """Write the table that tells Albot1's mappers apart, of the reports in FOLDER."""
+    """Write the table that compares Albot1's mappers, from the reports in FOLDER."""
     page = folder.with_name("albot1_ablation.md")
     check_file(page, force=force)
     write_text(page, ablation([read_report(folder / name) for name in ABLATED], folder.name))

@@ -46,14 +46,14 @@ from albot_core.maps.outlines import surfaces_of
 RECOGNITION = "recognition.png"
 """File name of the picture that `draw_recognition` writes."""
 NO_ODOMETRY = "the log's odometry is constant; the map is made by the scans alone"
-"""What is told of a log without odometry."""
+"""The note on a log without odometry."""
 _WARM_UP = 2500
-"""Scans given to a first mapper so that the timed one finds its code compiled. They are enough for
-the robot to pass some exits and return to a place."""
+"""Number of scans given to a first mapper so that the timed one finds its code compiled. In these
+the robot passes some exits and returns to a place."""
 
 _UNKNOWN = "–"
 _TELL_EVERY = 50
-"""Scans between two progress updates."""
+"""Number of scans between two progress updates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,8 +86,7 @@ class Score:
 def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None:
     """Run a mapper over the log's beginning, so that the next one finds its code compiled.
 
-    It stops early after `seconds` seconds. A wrong reading is reported when the log is mapped, not
-    here.
+    It stops early after `seconds` seconds. A wrong reading is reported only when the log is mapped.
     """
     mapper = make_mapper(name, config=config)
     end = time.perf_counter() + seconds
@@ -114,8 +113,8 @@ def run_mapper(
         rng: The mapper's random generator (see `make_mapper`).
 
     Raises:
-        InputError: What the mapper returns is not as its interface says: an estimate, or at the
-            end its snapshot, its state, its events or its corrected poses.
+        InputError: A value of the mapper violates its interface: an estimate, or at the end its
+            snapshot, its state, its events or its corrected poses.
     """
     mapper = make_mapper(name, config=config, rng=rng)
     spec = mapper.spec
@@ -201,7 +200,7 @@ def notes_of(
     reference: Path | None = None,
     relations: Relations | None = None,
 ) -> list[str]:
-    """Return what is to be known about a log's figures, a line each.
+    """Return the notes that explain a log's figures, one line each.
 
     Args:
         log: The log.
@@ -317,13 +316,13 @@ def as_table(figures: dict[str, Any]) -> str:
 
 
 def left_out(log: Log) -> dict[str, Any] | None:
-    """Return what was not read of a log, as JSON; None where it is whole."""
+    """Return which part of a log was not read, as JSON; None if all of it was read."""
     return None if log.unread is None else vars(log.unread)
 
 
 def left_out_line(lost: dict[str, Any]) -> str:
-    """Return the same as text."""
-    if not lost["lines"]:  # How much is missing is not known.
+    """Return a line of text on the part of a log that was not read."""
+    if not lost["lines"]:  # The size of the missing part is unknown.
         return f"not read: the rest ({lost['reason']})"
     counts = f"{many(lost['lines'], 'line')}, {many(lost['scans'], 'scan')}"
     return f"not read: {counts} ({lost['reason']})"
@@ -371,7 +370,7 @@ def is_stamped(log: Log, truth: Trajectory) -> bool:
 
 
 def recognition_figures(log: Log, truth: Trajectory, believed: Trajectory) -> dict[str, Any]:
-    """Return how well the log's places are recognised, by the truth at all scans (`is_stamped`).
+    """Return how well a log's places are recognised, given the true pose of each scan.
 
     `recall` is the recall of the queries at precision 1.00, 0.99 and 0.95; `curve` holds recall and
     precision. `detection` is the detection rate of near pairs at false-alarm rates 0.00 and 0.01

@@ -27,7 +27,7 @@ from albot_core.logs.log import Log
 from albot_core.maps.layers import MapSnapshot
 
 _STATUS = Path("/proc/self/status")
-"""Where Linux tells of this process's memory."""
+"""The file in which Linux reports this process's memory."""
 _LOADING = 5.0
 """Duration of a run's warm-up (s), in which all compiled code is loaded."""
 KEPT = (
@@ -173,7 +173,7 @@ def _entropy(log: Log, path: Trajectory) -> float | None:
 
 
 def _peak_mib() -> float | None:
-    """Return the peak memory of this process so far (MiB); None if the system does not tell."""
+    """Return the peak memory of this process so far (MiB); None if it is not reported."""
     if sys.platform == "win32":
         return None
     # On Linux `getrusage` counts the memory of the process that started this one, too.

@@ -1,4 +1,4 @@
-"""The page of the other simulators: how fast they are, and whether their ranges are right."""
+"""The page of the other simulators: their speed, and the accuracy of their ranges."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _line(name: str, rows: Sequence[Row]) -> str:
 
 
 def told(rows: Sequence[Row]) -> str:
-    """Return in words how right a simulator's ranges are."""
+    """Return the accuracy of a simulator's ranges in words."""
     off, error = max(row["off"] for row in rows), max(row["range_error"] for row in rows)
     if any(row["wrong"] for row in rows):
         return f"**wrong**: up to {off:.0%} off"

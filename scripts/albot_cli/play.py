@@ -35,7 +35,7 @@ AGENTS = {
 }
 """The default agent of each task."""
 SUFFIX = ".mcap"
-"""Suffix of episodes, which tells them from tasks here, and from logs in `albot map`."""
+"""Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
 PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
 """Options that select the robot or a sensor by name, named like the environment's arguments."""
 RUN_ONLY = (
@@ -297,7 +297,7 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
 
 @contextmanager
 def _report_partial_recording(record: Path) -> Iterator[None]:
-    """If Ctrl-C ends the episode, print which file holds it."""
+    """Print which file holds the episode if Ctrl-C ends it."""
     try:
         yield
     except KeyboardInterrupt:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from albot_agents.evaluation.comparison import Figures, PairedTrials
 
 _PLAN_SEEDS = "2000..2002"
-"""Seeds in each floor plan where none are given. Not click's default: given without plans, seeds
-are refused."""
+"""Seeds in each floor plan if none are given. It is not click's default, so that seeds without
+plans can be refused."""
 
 
 @click.command()

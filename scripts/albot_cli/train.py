@@ -31,7 +31,7 @@ _EVERY = 10.0
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
 _RUNS = Path("runs")
 _LARGEST_SEED = 2**32 - 1
-"""As that of a plan, which is slow to load."""
+"""The same value as a plan's, whose module is slow to load."""
 _FOLDER = PathType(file_okay=False)
 
 

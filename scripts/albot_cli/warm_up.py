@@ -41,8 +41,9 @@ def command(as_json: bool) -> None:
     """Compile in advance what environments, mappers, agents and other commands need.
 
     The compiled code is cached beside the source, or in the folder that NUMBA_CACHE_DIR names,
-    until the package changes. Cached code is not compiled again, so an interrupted call continues
-    where it stopped, and a call after one that was not looks for what it left behind.
+    until the package changes. Cached code is not compiled again, so a call after an interrupted one
+    continues where that stopped; a call after a complete one only checks that the code is still
+    there.
     """
     began, parts = time.monotonic(), dict(_parts())
     with _silence(), _counting() as compiled:
@@ -83,13 +84,13 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
 
 
 def mark_path() -> Path:
-    """Where a call that came to its end leaves its mark: beside compiled code."""
+    """Return the file that marks a complete call; it is beside the compiled code."""
     folder = _numba.CACHE_DIR or Path(stamp.__file__).parent / "__pycache__"
     return Path(folder) / "warm-up.json"
 
 
 def _is_marked(parts: Iterable[str]) -> bool:
-    """Whether all that a call with these parts compiled is there, and is of the same sources."""
+    """Return whether the mark is of the same parts and sources, and all compiled code is there."""
     try:
         left = json.loads(mark_path().read_text(encoding="utf-8"))
         return bool(left["of"] == _sources(parts)) and set(left["files"]) <= _indices()
@@ -98,20 +99,20 @@ def _is_marked(parts: Iterable[str]) -> bool:
 
 
 def _set_mark(parts: Iterable[str]) -> None:
-    """Leave the mark, unless compiled code is kept elsewhere, where it cannot be looked for."""
+    """Write the mark, unless the compiled code is kept elsewhere and cannot be checked."""
     path, files = mark_path(), sorted(_indices())
     if files and os.access(path.parent, os.W_OK):
         write_text(path, json.dumps({"of": _sources(parts), "files": files}))
 
 
 def _indices() -> set[str]:
-    """The files with the indices of compiled functions."""
+    """Return the files with the indices of compiled functions."""
     folders = [Path(_numba.CACHE_DIR)] if _numba.CACHE_DIR else _packages()
     return {str(path) for folder in folders for path in folder.rglob("*.nbi")}
 
 
 def _sources(parts: Iterable[str]) -> str:
-    """A digest of our sources, of what runs them, and of the names of all parts."""
+    """Return a digest of our sources, of numba and the processor, and of the names of all parts."""
     processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     summed = hashlib.sha256(repr((numba.__version__, *processor, *parts)).encode())
     for folder in _packages():
@@ -121,7 +122,7 @@ def _sources(parts: Iterable[str]) -> str:
 
 
 def _packages() -> list[Path]:
-    """The folders of our packages with compiled functions, and of the agents."""
+    """Return the folders of our packages with compiled functions, and of the agents."""
     specs = map(find_spec, (*stamp.PACKAGES, "albot_agents"))
     places = (spec.submodule_search_locations or [] for spec in specs if spec is not None)
     return [Path(place) for found in places for place in found]
@@ -141,7 +142,7 @@ def _run_batch(task: str = "Albot/Explore-v0", **settings: Any) -> None:
 
 
 def _brief(task: str) -> dict[str, Any]:
-    """Settings of a task by which an episode begins at once: little is driven beforehand."""
+    """Return the settings of a task with which an episode begins after little driving."""
     from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
     from albot_env.tasks.homing.task import HomingConfig
     from albot_env.tasks.place_recognition.task import PlaceRecognitionConfig

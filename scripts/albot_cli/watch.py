@@ -20,8 +20,8 @@ from albot_env.rendering.viewer import Footer, NullViewer, Viewer
 FRAME_RATE = 20.0
 """Largest number of frames shown per second."""
 LONGEST_STEP = 10.0
-"""Longest simulated time for which a step is shown (s); in place recognition, where the robot is
-led from stop to stop, a step can take minutes."""
+"""Longest simulated time for which a step is shown (s); in place recognition, where the robot moves
+from stop to stop, a step can take minutes."""
 _LAG = 0.25
 """Largest delay by slow drawing that is caught up (s)."""
 _KEY_POLL_INTERVAL = 0.02
@@ -167,7 +167,7 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
 
 
 def keys_expected() -> bool:
-    """Whether a viewer with keys seems available, judged without opening one."""
+    """Return whether a viewer with keys seems available, without opening one."""
     from albot_env.rendering.display import display_found
 
     streams = (sys.stdin, sys.stdout)

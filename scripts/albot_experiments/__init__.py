@@ -1,1 +1,1 @@
-"""The papers' experiments, one a file, and what they share."""
+"""The papers' experiments, one in each file, and the files that they share."""

@@ -28,36 +28,37 @@ ID = "albot0-2"
 TITLE = "ASRs of a room larger than the sonars reach (Schmidt et al., figures 1 to 4)"
 WORLD, ROOM = "office-hall", "hall"
 ENDS = ("W1", "W2", "W3", "E1", "E2", "E3")
-"""The rooms beside its corridors."""
+"""The rooms beside the world's corridors."""
 TURNS = {"journey-1": (23.5, 9.4), "journey-2": (23.4, 14.6)}
-"""The journeys, and where the robot turns round on each (m)."""
+"""The journeys, and the point where the robot turns round on each (m)."""
 STOPS = "ABCDEF"
-"""Stops of which the confidences are drawn: evenly spread over the way home, as the paper's."""
+"""Stops for which the confidences are drawn: evenly spread over the way home, as the paper's."""
 INSIDE = 1.0
-"""The robot is inside the room where it is so far from its walls and exits (m)."""
+"""The robot is inside the room if it is at least this far from its walls and exits (m)."""
 NEAR = 2.0
-"""A split point lies near an exit of the room if it is no farther away along the way (m)."""
+"""A split point is near an exit of the room if it is at most this far from it along the way (m)."""
 CHANCE = "ways drawn at random"
-"""Journeys out from one room to another through the large room, where they turn often."""
+"""Name of the journeys from one room to another through the large room, where they turn often."""
 TURNED = (1, 7)
-"""At so many points in the large room, at least and at most, a way drawn at random turns."""
+"""Minimum and maximum number of turns in the large room on a way drawn at random."""
 AWAY = 1.2
-"""These are so far from its walls (m)."""
+"""Minimum distance of these turns from the room's walls (m)."""
 PAPER = {"large_room_one_asr": 1.0, "splits_near_exits": True}
 ASKED = 0.9
-"""The least share of runs and stops that is asked."""
+"""Minimum share of runs and of stops at which the result must be reached."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Split:
-    """How the large room was split on a way drawn at random."""
+    """The split of the large room on a way drawn at random."""
 
     asrs: int
-    """How many ASRs the way had."""
+    """Number of ASRs of the way."""
     is_whole: bool
     """Whether the large room is one ASR."""
     distances: tuple[float, float]
-    """How far its split points are from where the way came in first and went out last (m)."""
+    """Distances of the room's split points from where the way first entered and last left it
+    (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,19 +67,19 @@ class Run:
 
     robot: Tracked
     stops: tuple[Stop, ...]
-    """What was believed at every stop."""
+    """The beliefs at all stops."""
     home: Points
-    """(readings, 2): where the robot was on its way home (m)."""
+    """(readings, 2): the robot's true positions on its way home (m)."""
     drawn: tuple[tuple[Points, tuple[Confidences, ...]], ...]
-    """At each stop: where it was, and the confidences of each cue and of both together."""
+    """For each stop: the robot's position, and the confidences of each cue and of both together."""
     is_whole: bool
     """Whether the large room is one ASR."""
     split_distance: float
-    """How far the room's split points are from its exits, the median along the way (m)."""
+    """Distance of the room's split points from its exits, the median along the way (m)."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive out and home once a seed and a journey, and out once more on a way drawn at random.
+    """Drive out and home once per seed and journey, and once more out on a way drawn at random.
 
     Raises:
         InputError: No seeds.
@@ -94,7 +95,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def drive(world: World, name: str, seed: int) -> dict[str, Run]:
-    """Drive a robot along a journey; what it believes by either choice of cues."""
+    """Drive a robot along a journey; return its run with either choice of cues."""
     tour, chosen = world.tours[name], ("paper", "default")
     journey = driven_tour(world, tour, np.random.default_rng(seed), sonar=SONARS["pioneer"])
     truth = journey.truth[:, :2]
@@ -123,7 +124,7 @@ def drive(world: World, name: str, seed: int) -> dict[str, Run]:
 
 
 def drive_at_random(world: World, seed: int) -> Split:
-    """Drive a robot out through the large room on a way drawn at random, and map it."""
+    """Drive a robot out through the large room on a way drawn at random, and map the way."""
     rng = np.random.default_rng(seed)
     journey = driven_tour(world, _way_at_random(world, rng), rng, sonar=SONARS["pioneer"])
     robot = Tracked()
@@ -133,7 +134,7 @@ def drive_at_random(world: World, seed: int) -> Split:
 
 
 def _way_at_random(world: World, rng: np.random.Generator) -> Points:
-    """From a room into the large one, through points there, and by another exit to a room."""
+    """Return a way from a room into the large one, through points there, and to another room."""
     boundary = _large_room(world).boundary
     low, high = boundary.min(axis=0) + AWAY, boundary.max(axis=0) - AWAY
     exits = [each.segment for each in world.exits if ROOM in each.rooms]
@@ -156,13 +157,13 @@ def _large_room(world: World) -> Room:
 
 
 def _confidences(robot: Tracked, cues: str) -> tuple[Confidences, ...]:
-    """The confidences of each cue of a choice, and of all together."""
+    """Return the confidences of each cue of a choice, and of all together."""
     stop, config = robot.mapper.last_stop, robot.mapper.config.localisation
     return (*(CUE_MAPS[name](stop, config) for name in CUES[cues]), robot.confidences[cues])
 
 
 def _judge_room(world: World, robot: Tracked) -> tuple[bool, tuple[float, float]]:
-    """Whether the large room is one ASR, and how far its split points are from its exits (m)."""
+    """Return whether the large room is one ASR, and how far its exits are from the splits (m)."""
     boundary = _large_room(world).boundary
     low, high = boundary.min(axis=0) + INSIDE, boundary.max(axis=0) - INSIDE
     is_inside = ((robot.out > low) & (robot.out < high)).all(axis=1)
@@ -256,7 +257,7 @@ both (solid).
 
 
 def _picture(world: World, run: Run) -> Figure:
-    """The paper's figures 1 and 3: layout and maps above, confidences at six stops below."""
+    """Draw the paper's figures 1 and 3: layout and maps above, confidences at six stops below."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(18, 11), layout="constrained")
@@ -277,7 +278,7 @@ def _picture(world: World, run: Run) -> Figure:
 
 
 def _draw_layout(axes: Axes, world: World, run: Run, shown: np.ndarray) -> None:
-    """Figure 1(a): the office, the ways, the ASRs of the way out, and the stops."""
+    """Draw figure 1(a): the office, the ways, the ASRs of the way out, and the stops."""
     from matplotlib.patches import Ellipse
 
     draw_floor(axes, world.walls, SURFACE)
@@ -300,7 +301,7 @@ def _draw_layout(axes: Axes, world: World, run: Run, shown: np.ndarray) -> None:
 
 
 def _draw_map(axes: Axes, drawn: GeometricMap) -> None:
-    """Figures 1(b) and 1(c): surfaces, the way, and split points."""
+    """Draw figures 1(b) and 1(c): surfaces, the way, and split points."""
     draw_floor(axes, drawn.steps.surfaces, SURFACE, 1.2)
     way = drawn.steps.lines
     axes.plot(*np.concatenate((way[:1, :2], way[:, 2:])).T, color=PATH, lw=1.0)

@@ -27,42 +27,43 @@ from albot_maps import World, load_world
 ID = "albot0-homing"
 TITLE = "Albot0 drives out and home by sonars alone (Schmidt et al., section 4)"
 HALL, OFFICE, OFFICES = "office-hall", "random:office:{number}?rooms=12", 2
-"""The office of the paper, in which each seed is a trial, and so many random ones a seed."""
+"""The office of the paper, with one trial per seed; random offices; and their number per seed."""
 HEARING = {"without specular loss": "ideal", "with specular loss": "pioneer"}
 """The sonars; `pioneer` has cross-talk too."""
 OUT = 40.0
-"""The way out is so long (m)…"""
+"""The way out has this length (m)…"""
 MOST, STEPS = 900, 1800
-"""…or takes so many steps of 0.1 s; the way home may take so many."""
+"""…or this number of steps of 0.1 s, if that comes first; the way home has at most STEPS steps."""
 EXPLORED, EXPLORED_STEPS = (30.0, 100.0), 3000
-"""The way out of the gap explorer is so long (m), and the way home may take so many steps, as in
-`Albot/Homing-v0`."""
+"""Range of the length of the gap explorer's way out (m), and maximum number of steps of the way
+home, as in `Albot/Homing-v0`."""
 EXPLORER = "random offices, with specular loss, out by the gap explorer"
-"""The trials in which a laser finds the way out, of which the mapper gets nothing."""
+"""Name of the trials in which a laser finds the way out; the mapper gets no laser data."""
 PAPER = {"home_reached_and_known": 0.7}
 """Albot0's success rate of returning home (Hossain 2014, section 2.3.4)."""
 ASKED = 0.9
-"""The least share of trials that is asked."""
+"""Minimum share of trials in which home must be reached and known."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """How a robot came home."""
+    """The outcome of a robot's way home."""
 
     asrs: int
-    """How many ASRs its way out had."""
+    """Number of ASRs of the way out."""
     known: Mapping[str, bool]
-    """By the names of `CUES`: whether it was in its home ASR when it first believed to be."""
+    """By the names of `CUES`: whether the robot was in its home ASR when it first believed to
+    be."""
     nearest: bool
-    """Whether the way out's nearest reading then was of the home ASR, with the default cues."""
+    """Whether the way out's nearest reading was then of the home ASR, with the default cues."""
     reached: bool
-    """Whether it came into its home ASR at all."""
+    """Whether the robot entered its home ASR at all."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive out and home: once a seed in the hall, and twice in each of its random offices.
+    """Drive out and home: once per seed in the hall, and twice in each of its random offices.
 
-    In the first of these the gap explorer drives out once more.
+    In the first of these offices the gap explorer drives out once more.
 
     Raises:
         InputError: No seeds.
@@ -82,7 +83,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def drive(world: World, sonar: str, seed: int) -> Trial:
-    """Drive a robot out and home."""
+    """Drive a robot out and home; return the outcome."""
     rng = np.random.default_rng(seed)
     sensors = Sensors(laser=None, odometer=ODOMETERS["pioneer"], sonar=SONARS[sonar])
     simulator, driver = Simulator(world, sensors=sensors), SonarDriver()
@@ -126,7 +127,7 @@ def drive_explored(world: World, seed: int) -> Trial:
 def _go_home(
     simulator: Simulator, driver: SonarDriver, out: list[Reading], truth: Points, steps: int
 ) -> Trial:
-    """Drive home until the robot believes to be there, by any choice of cues."""
+    """Drive home until the robot believes to be there, with every choice of cues."""
     robot = Tracked()
     robot.go_out(tuple(out), truth)
     reading = out[-1]
@@ -156,7 +157,7 @@ def _go_home(
 def _step(
     simulator: Simulator, driver: SonarDriver, reading: Reading, guide: Albot0 | None
 ) -> Reading:
-    """One step of the driver: straight on, or towards where the way home leads."""
+    """Make one step of the driver: straight on, or in the direction of the way home."""
     sonar = reading.required_sonar(ID)
     target = None
     if guide is not None:
@@ -196,7 +197,7 @@ def _report(seeds: range, trials: Mapping[str, list[Trial]]) -> Report:
 
 
 def _shares(trials: list[Trial]) -> dict[str, float]:
-    """In which share of the trials home was reached and known, by each choice of cues."""
+    """Return the share of trials in which home was reached and known, by each choice of cues."""
     return {name: round(float(np.mean([t.known[name] for t in trials])), 2) for name in CUES}
 
 

@@ -20,38 +20,38 @@ TITLE = "The way home by ASR lengths and turns (Schmidt et al., section 4)"
 BUILDING, TOUR, PART = "office-ring", "single-loop", 0.75
 """The way out is this share of the tour's waypoints."""
 OFFICE = "random:office:{seed}?rooms=12"
-"""The way out leads from one room to that which is farthest from it."""
+"""Office in which the way out leads from one room to the one farthest from it."""
 HEARING = {"without specular loss": "ideal", "with specular loss": "pioneer"}
 """The sonars; `pioneer` has cross-talk too."""
 LONGEST = 3.0
-"""A part of the floor that is more than so many times as long as it is wide is a corridor."""
+"""A part of the floor that is more than this many times as long as it is wide is a corridor."""
 INSIDE = 1.0
-"""A reading was taken inside a room if it was so far from all exits (m)."""
+"""A reading was taken inside a room if it was at least this far from all exits (m)."""
 LEG, NEAR = 6.0, 2.0
-"""Two corridors count where the way leads this far through both (m). They are parted if an ASR ends
-so near to where it leads from one into the other (m)."""
+"""Two corridors count if the way leads at least this far through both (m). They are separated if an
+ASR ends within NEAR of where the way leads from one into the other (m)."""
 PAPER = {"large_room_one_asr": 1.0, "home_believed": 0.7}
-"""Of the paper's two experiments and in the thesis (Hossain 2014, section 2.3.4)."""
+"""Results of the paper's two experiments and of the thesis (Hossain 2014, section 2.3.4)."""
 ASKED = {"large_room_one_asr": 0.9, "right_or_border": 0.9, "home_believed": 0.9}
-"""What is asked of `albot0` as it comes."""
+"""The figures that `albot0` must reach with its defaults."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How the way home went."""
+    """The outcome of a way home."""
 
     stops: Mapping[str, tuple[Stop, ...]]
-    """What was believed at every stop, by the names of `CUES`."""
+    """The beliefs at every stop, by the names of `CUES`."""
     asrs: int
-    """How many ASRs the way out had."""
+    """Number of ASRs of the way out."""
     is_whole: bool | None
-    """Whether the largest room that the way out came into once was a single ASR; None without."""
+    """Whether the largest room that the way out entered once was a single ASR; None without one."""
     bends: tuple[bool, ...]
-    """Whether corridors were parted, for each that the way out leads into from another."""
+    """For each corridor that the way out enters from another: whether the two were separated."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive out and home once a seed, a building and a kind of sonars.
+    """Drive out and home once per seed, building and kind of sonars.
 
     Raises:
         InputError: No seeds.
@@ -74,7 +74,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def _way_across(world: World, seed: int) -> np.ndarray:
-    """The way from a room drawn at random to the one farthest from it."""
+    """Return the way from a room drawn at random to the one farthest from it."""
     rooms = [room.name for room in world.reachable_rooms]
     home = rooms.pop(int(np.random.default_rng(seed).integers(len(rooms))))
     ways = [Routes(world).through_rooms([home, room]) for room in rooms]
@@ -82,11 +82,11 @@ def _way_across(world: World, seed: int) -> np.ndarray:
 
 
 def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[Journey, int]:
-    """Drive a robot along a way and back; and the reading at which it turned round."""
+    """Drive a robot along a way and back; return the journey and the turning point's reading."""
     both = np.concatenate((way, way[-2::-1]))
     rng = np.random.default_rng(seed)
     journey = driven_tour(world, both, rng, sonar=SONARS[sonar])
-    # The way may come by its end earlier, so that it is looked for about the middle only.
+    # The way may pass its end earlier, so the turning point is searched only near the middle.
     travelled = np.cumsum(np.hypot(*np.diff(journey.truth[:, :2], axis=0).T))
     about = np.flatnonzero(np.abs(travelled / travelled[-1] - 0.5) < 0.05)
     away = np.hypot(*(journey.truth[about, :2] - way[-1]).T)
@@ -94,7 +94,7 @@ def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[Journey
 
 
 def follow(world: World, journey: Journey, turned: int) -> Outcome:
-    """Lead a mapper out and, once it is told to return, home."""
+    """Lead a mapper out and, after telling it to return, home; return the outcome."""
     truth, robot = journey.truth[:, :2], Tracked()
     robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
     for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
@@ -109,10 +109,10 @@ def follow(world: World, journey: Journey, turned: int) -> Outcome:
 
 
 def _is_whole(world: World, out: np.ndarray, places: np.ndarray) -> bool | None:
-    """Whether the largest room that was come through once is a single ASR, but near its exits.
+    """Return whether the largest room entered once is a single ASR, except near its exits.
 
-    Corridors are no rooms: that they are split where others cross them is as it should be. None
-    where the robot came into no room just once.
+    Corridors are no rooms: they may be split where others cross them. None if the robot entered no
+    room exactly once.
     """
     exits = np.array([way.segment for way in world.exits])
     middles = 0.5 * (exits[:, :2] + exits[:, 2:])
@@ -129,7 +129,7 @@ def _is_whole(world: World, out: np.ndarray, places: np.ndarray) -> bool | None:
 
 
 def _bends(world: World, out: np.ndarray, places: np.ndarray) -> tuple[bool, ...]:
-    """Whether two corridors are parted, for each that the way leads into from another."""
+    """Return, for each corridor that the way enters from another, whether the two are separated."""
     gone = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(out, axis=0).T))))
     splits = gone[np.flatnonzero(np.diff(places))]
     corridors = {room.name for room in world.rooms if _is_long(room)}
@@ -146,13 +146,13 @@ def _bends(world: World, out: np.ndarray, places: np.ndarray) -> tuple[bool, ...
 
 
 def _is_long(room: Room) -> bool:
-    """Whether a part of the floor is a corridor."""
+    """Return whether a part of the floor is a corridor."""
     width, length = np.sort(np.ptp(room.boundary, axis=0)).tolist()
     return bool(length > LONGEST * width)
 
 
 def _area(corners: np.ndarray) -> float:
-    """The area of a polygon (m²)."""
+    """Return the area of a polygon (m²)."""
     x, y = corners.T
     return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2
 
@@ -182,7 +182,7 @@ def _report(seeds: range, outcomes: Mapping[str, Sequence[Outcome]]) -> Report:
 
 
 def _cue_figures(runs: Sequence[Outcome], name: str) -> dict[str, Figures]:
-    """How well the robot knew its ASR by a choice of cues; means of the runs."""
+    """Return how well the robot knew its ASR with a choice of cues, as means over the runs."""
     stops = [run.stops[name] for run in runs]
     return {
         "right": _share(
@@ -197,7 +197,7 @@ def _cue_figures(runs: Sequence[Outcome], name: str) -> dict[str, Figures]:
 
 
 def _share(values: Sequence[float | None]) -> float:
-    """The mean of those that are known."""
+    """Return the mean of the known values."""
     return round(float(np.mean([value for value in values if value is not None])), 2)
 
 

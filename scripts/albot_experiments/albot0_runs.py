@@ -1,4 +1,4 @@
-"""Albot0 led out and home: what it believed at every stop, held against the truth."""
+"""Albot0 led out and home: its beliefs at every stop, compared with the truth."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ CUES: Mapping[str, tuple[str, ...]] = {
     "way": ("way",),
     "default": ("way", "orientation"),
 }
-"""The cues by themselves, and what is fused: by the paper, and by `albot0` as it comes."""
+"""The single cues, and the choices that are fused: the paper's, and the default of `albot0`."""
 BORDER = 1.0
-"""The robot is at a border where the other ASR is no farther away than this (m)."""
+"""The robot is at a border if the other ASR is at most this much farther away (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """What the robot believed at a stop, and where it was."""
+    """The robot's belief at a stop, and its true place."""
 
     believed: int
-    """The ASR that it believed in."""
+    """The ASR with the greatest confidence."""
     true: int
     """The ASR of the way out's nearest reading."""
     is_near: bool
-    """Whether the way out comes by within `BORDER` in the ASR believed in: then it is the true one,
-    or its neighbour at a border."""
+    """Whether the way out passes within `BORDER` in the believed ASR: it is then the true one, or
+    its neighbour at a border."""
     is_sure: bool
     """Whether the robot was sure of its ASR."""
 
 
 class Tracked:
-    """A mapper on its way out and home, with the truth beside it.
+    """A mapper on its way out and home, compared with the truth.
 
-    What is believed by each choice of cues is worked out beside it, on the same maps.
+    The beliefs with each choice of cues are computed beside the mapper, on the same maps.
 
     Attributes:
-        mapper: As it comes.
-        stops: What was believed at every stop on the way home, by the names of `CUES`.
-        confidences: The latest, likewise.
-        out: (readings, 2): where it was on its way out (m).
+        mapper: The mapper, with default parameters.
+        stops: The beliefs at every stop on the way home, by the names of `CUES`.
+        confidences: The latest confidences, by the names of `CUES`.
+        out: (readings, 2): the robot's true positions on its way out (m).
         places: The ASR of each of these readings.
     """
 
@@ -68,11 +68,11 @@ class Tracked:
         self._fusions = {name: DemocraticIntegration.of(len(cues)) for name, cues in CUES.items()}
 
     def go_out(self, readings: tuple[Reading, ...], truth: Points) -> None:
-        """Follow the way out, at whose end the robot turns round.
+        """Process the way out, at whose end the robot turns round.
 
         Args:
-            readings: What it sensed.
-            truth: (readings, 2): where it was (m).
+            readings: The readings of the way out.
+            truth: (readings, 2): the robot's true positions (m).
         """
         for reading in readings:
             self.mapper.update(reading)
@@ -82,31 +82,32 @@ class Tracked:
         self.confidences = dict.fromkeys(CUES, self.mapper.confidences)
 
     def go_home(self, reading: Reading, place: Points) -> None:
-        """Take in a reading of the way home, at a place (m)."""
+        """Process a reading of the way home, taken at a true position (m)."""
         if self.mapper.update(reading):
             self._judge(place)
 
     def end(self, place: Points) -> None:
-        """The robot stands at a place (m)."""
+        """End the robot path at a true position (m)."""
         events = len(self.mapper.events)
         self.mapper.end_path()
         if len(self.mapper.events) > events:
             self._judge(place)
 
     def believes_in(self, cues: str) -> int:
-        """The ASR that is believed in by a choice of cues."""
+        """Return the most confident ASR with a choice of cues."""
         return most_confident(self.confidences[cues])
 
     def is_at(self, place: Points, asr: int) -> bool:
-        """Whether a place (m) is in an ASR or at its border.
+        """Return whether a position (m) is in an ASR or at its border.
 
-        It is where the way out comes by in that ASR no more than `BORDER` farther away than in any.
+        It is if the way out passes the position in that ASR at most `BORDER` farther away than in
+        any.
         """
         away = np.hypot(*(self.out - place).T)
         return bool((self.places[away < away.min() + BORDER] == asr).any())
 
     def true_asr(self, place: Points) -> int:
-        """The ASR of the way out's reading that is nearest to a place (m)."""
+        """Return the ASR of the way out's reading that is nearest to a position (m)."""
         return int(self.places[np.hypot(*(self.out - place).T).argmin()])
 
     def _judge(self, place: Points) -> None:

@@ -30,16 +30,16 @@ PAPER: dict[str, Figures] = {
     "right_from_B": 1.0,
 }
 STARTS: Mapping[str, int] = {"S": 0, "A": 9, "B": 6}
-"""From which waypoint of the tour the robot sets out: in P1, P5 and P4."""
+"""The waypoint of the tour from which the robot sets out: in P1, P5 and P4."""
 LEAST_SHARE = 0.9
-"""In so many of the seeds the network must be right from all starts."""
+"""Minimum share of the seeds in which the network must be right from all starts."""
 
 Placed = dict[str, dict[str, list[PlacedJourney]]]
-"""The journeys by mapper and start, one a seed."""
+"""The journeys by mapper and start, one for each seed."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot round the ring from each start, once a seed, and look at its network.
+    """Guide the robot round the ring from each start, once per seed, and judge its network.
 
     Raises:
         InputError: No seeds.
@@ -58,10 +58,10 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 def loop_from(
     loop: Float64[np.ndarray, "waypoints 2"], start: int
 ) -> Float64[np.ndarray, "tour 2"]:
-    """A closed tour from one of its waypoints round to it, and on a little way.
+    """Return a closed tour that begins at one of its waypoints and continues a little way.
 
-    The robot goes on in the place that it set out from, as far as the way into it was left
-    out at the start: what it cannot have seen before it left it cannot recognise.
+    At its end the robot goes on in its starting place, through the part that was left out at the
+    start: it can only recognise what it has seen before leaving the place.
     """
     once = loop[:-1]
     turned = np.concatenate((once[start:], once[: start + 1]))
@@ -87,7 +87,7 @@ def _report(world: World, seeds: range, placed: Placed) -> Report:
 
 
 def _figures(world: World, placed: Mapping[str, list[PlacedJourney]]) -> dict[str, Figures]:
-    """The figures of one mapper, over starts and seeds."""
+    """Return the figures of one mapper, over starts and seeds."""
     runs = [each for several in placed.values() for each in several]
     return {
         "path_m": round(float(np.median([each.journey.path_length for each in runs])), 1),
@@ -102,7 +102,7 @@ def _figures(world: World, placed: Mapping[str, list[PlacedJourney]]) -> dict[st
 
 
 def _right_from_all(world: World, placed: Mapping[str, list[PlacedJourney]]) -> float:
-    """The share of the seeds in which the network is right from every start."""
+    """Return the share of the seeds in which the network is right from every start."""
     right = [[each.is_right(world) for each in several] for several in placed.values()]
     return float(np.all(right, axis=0).mean())
 
@@ -127,7 +127,7 @@ own, drawn where the map had it when the place was learned.
 
 
 def _picture(world: World, placed: Placed) -> Figure:
-    """The route, and each mapper's network from each start, as figures 4.1 to 4.3."""
+    """Draw the route, and each mapper's network from each start, as figures 4.1 to 4.3."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(17, 4.6 * len(placed)), layout="constrained")

@@ -24,7 +24,7 @@ ID = "albot1-c2"
 TITLE = "Recognizing familiar places (Hossain 2014, section 4.2.2, figures 4.4 to 4.6)"
 WORLD, TOUR = "office-double", "double-loop"
 TAKEN_FOR_P7 = slice(19, 22)
-"""The tour's waypoints in the part of P1 that it does not know there, in P7."""
+"""The tour's waypoints in the part of P1 that the robot does not know, and takes for P7."""
 PAPER: dict[str, Figures] = {
     "path_m": 150.0,
     "places": 7,
@@ -33,10 +33,10 @@ PAPER: dict[str, Figures] = {
     "story_told": 1.0,
 }
 LEAST_SHARE = 0.8
-"""In so many of the seeds the network must be right and the story be told."""
+"""Minimum share of the seeds in which the network must be right and the story as in the thesis."""
 
 Beat = tuple[EventKind, str, str]
-"""What happens, the place that the robot believes to be in, and the other."""
+"""A kind of event, the place in which the robot believes to be, and the other place."""
 
 STORY: tuple[Beat, ...] = (
     (EventKind.NEW, "P1", "P2"),
@@ -52,11 +52,11 @@ STORY: tuple[Beat, ...] = (
     (EventKind.ENTERED, "P2", "P1"),
     (EventKind.RECOGNIZED, "P1", "P7"),
 )
-"""The thesis's. It enters P2 as a place yet unknown, here P9, and recognises it there."""
+"""The thesis's story. The robot enters P2 as an unknown place, here P9, and recognises it there."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot along the double loop, once a seed, and look at its network.
+    """Guide the robot along the double loop, once per seed, and judge its network.
 
     Raises:
         InputError: No seeds.
@@ -72,12 +72,12 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def and_on(tour: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tour 2"]:
-    """The double loop, and on a little way: into P7, which it may then find to be P1."""
+    """Return the double loop, continued a little way into P7, which may then be found to be P1."""
     return np.concatenate((tour, tour[TAKEN_FOR_P7]))
 
 
 def story(events: Iterable[Event]) -> tuple[Beat, ...]:
-    """What happened, without the candidates that were refused."""
+    """Return the events, without the refused candidates."""
     quiet = (EventKind.SET_OUT, EventKind.REFUSED)
     return tuple(
         (event.kind, f"P{event.place + 1}", f"P{event.other + 1}")
@@ -110,12 +110,12 @@ def _report(world: World, seeds: range, placed: dict[str, list[PlacedJourney]]) 
 
 
 def _right_and_told(world: World, placed: list[PlacedJourney]) -> list[bool]:
-    """Of each seed, whether the network is right and came about as in the thesis."""
+    """Return, for each seed, whether the network is right and arose as in the thesis."""
     return [each.is_right(world) and story(each.events) == STORY for each in placed]
 
 
 def _figures(world: World, placed: list[PlacedJourney]) -> dict[str, Figures]:
-    """The figures of one mapper, over the seeds."""
+    """Return the figures of one mapper, over the seeds."""
     told = [story(each.events) == STORY for each in placed]
     return {
         "path_m": round(float(np.median([each.journey.path_length for each in placed])), 1),
@@ -128,7 +128,7 @@ def _figures(world: World, placed: list[PlacedJourney]) -> dict[str, Figures]:
 
 
 def _error(placed: PlacedJourney) -> float:
-    """How far the map has drifted at the end of the journey (m)."""
+    """Return how far the map has drifted at the end of the journey (m)."""
     truth = placed.journey.truth
     return float(np.hypot(*(relative(truth[0], truth[-1]) - placed.poses[-1])[:2]))
 
@@ -158,7 +158,7 @@ What happened to `albot1` with the seed whose map drifts as far as the median, {
 
 
 def _picture(world: World, placed: dict[str, PlacedJourney]) -> Figure:
-    """The route and each mapper's network, as figures 4.4 and 4.6."""
+    """Draw the route and each mapper's network, as figures 4.4 and 4.6."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.6 * (1 + len(placed)), 6), layout="constrained")

@@ -28,21 +28,22 @@ WORLD, TOUR = "office-ring", "single-loop"
 EXITS = ("E1", "E2", "E3", "E4", "E5", "E6")
 PAPER: dict[str, Figures] = {"aligned_is_nearer": True, "network_right": 1.0}
 LARGEST_GAP, LARGEST_SHARE = 0.5, 0.5
-"""Exits aligned must be as near to those seen (m), and so much nearer than those not aligned."""
+"""Maximum distance of aligned exits from those seen (m), and its maximum share of the distance of
+unaligned exits."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing:
-    """With what sensors a robot rides."""
+    """The sensors of a journey."""
 
     disturbance: float = 0.0
-    """How many times what experiment 3 of chapter 3 adds to every motion is added."""
+    """Factor of the disturbance of each motion in experiment 3 of chapter 3."""
     laser: LaserConfig = LMS_200
     """The laser."""
 
 
 SHORT_SIGHTED = replace(LMS_200, geometry=replace(LMS_200.geometry, max_range=8.0))
-"""A laser that sees 8 m."""
+"""A laser with a range of 8 m."""
 SENSINGS: Mapping[str, Sensing] = {
     "": Sensing(),
     ", disturbed": Sensing(disturbance=1.0),
@@ -50,29 +51,29 @@ SENSINGS: Mapping[str, Sensing] = {
     ", disturbed twice, sees 8 m": Sensing(disturbance=2.0, laser=SHORT_SIGHTED),
 }
 JUDGED = {"albot1-thesis": "", "albot1-tracked": "", "albot1": ", disturbed twice, sees 8 m"}
-"""With what sensors each mapper is judged: where its map has drifted as far as to make a
-difference. `albot1` joins what it sees again to what it remembers unless both are worse."""
+"""The sensors with which each mapper is judged: those with which its map drifts enough to make a
+difference. `albot1` joins known walls with its map unless both sensors are worse."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SecondLap:
-    """How far the exits of the second lap were from where they were expected (m)."""
+    """Distances of the exits on the second lap from where they were expected (m)."""
 
     placed: PlacedJourney
     aligned: Float64[np.ndarray, "exits"]
-    """To the exit aligned with the map; infinite where none was predicted."""
+    """Distance to the aligned exit; infinite if none was predicted."""
     unaligned: Float64[np.ndarray, "exits"]
-    """To where the exit was in the map when it was learned."""
+    """Distance to the exit's position in the map when it was learned."""
 
     @property
     def drift(self) -> float:
-        """How far the map was off at the last view (m)."""
+        """The error of the estimated position at the last view (m)."""
         truth = self.placed.journey.truth
         return float(np.hypot(*(relative(truth[0], truth[-1]) - self.placed.poses[-1])[:2]))
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot twice round the ring, once a seed, and compare exits on the second lap.
+    """Guide the robot twice round the ring, once per seed, and compare exits on the second lap.
 
     Raises:
         InputError: No seeds.
@@ -93,12 +94,12 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def twice_round(loop: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tour 2"]:
-    """A closed tour twice, and on to its second waypoint."""
+    """Return a closed tour twice, continued to its second waypoint."""
     return np.concatenate((loop[:-1], loop, loop[1:2]))
 
 
 def second_lap(placed: PlacedJourney) -> SecondLap:
-    """Compare where each exit was seen on the second lap with where it was expected."""
+    """Compare the position of each exit on the second lap with its expected position."""
     learned: dict[str, Float64[np.ndarray, "4"]] = {}
     aligned, unaligned = np.full(len(EXITS), np.inf), np.full(len(EXITS), np.inf)
     half = len(placed.poses) // 2
@@ -113,7 +114,7 @@ def second_lap(placed: PlacedJourney) -> SecondLap:
 
 
 def _metres(values: Float64[np.ndarray, "..."]) -> float | None:
-    """Their median; None where most are infinite."""
+    """Return the median of values (m); None if most are infinite."""
     median = float(np.median(values))
     return round(median, 3) if np.isfinite(median) else None
 
@@ -164,12 +165,12 @@ def _report(world: World, seeds: range, laps: dict[str, list[SecondLap]]) -> Rep
 def _gaps(
     laps: list[SecondLap],
 ) -> tuple[Float64[np.ndarray, "laps exits"], Float64[np.ndarray, "laps exits"]]:
-    """How far the exits were from those aligned, and from those not aligned (m)."""
+    """Return the distances of the exits from aligned and from unaligned ones (m)."""
     return np.array([lap.aligned for lap in laps]), np.array([lap.unaligned for lap in laps])
 
 
 def _is_reached(laps: list[SecondLap]) -> bool:
-    """Whether exits aligned are near, and so much nearer than those not aligned."""
+    """Return whether aligned exits are near, and near enough compared with unaligned ones."""
     aligned, unaligned = (float(np.median(gaps)) for gaps in _gaps(laps))
     return aligned <= LARGEST_GAP and aligned <= LARGEST_SHARE * unaligned
 
@@ -196,7 +197,7 @@ odometer disturbed twice, of which the table by exit is. The maps of `albot1-the
 
 
 def _picture(world: World, laps: dict[str, list[SecondLap]]) -> Figure:
-    """The exits on a map, and their distances, as figures 4.7 and 4.8, of each mapper."""
+    """Draw the exits on a map, and their distances, as figures 4.7 and 4.8, for each mapper."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.6 * len(JUDGED), 10.4), layout="constrained")

@@ -41,30 +41,30 @@ ID = "albot1-e1"
 TITLE = "The map computed (Hossain 2014, section 3.2.1, figures 3.14 and 3.15)"
 PAPER = {"routes": 6, "shape_kept": True, "corridor_by_path_integration": True}
 CORRIDOR = "P3"
-"""A corridor with two side walls only, on the offices of the catalogue."""
+"""A corridor with only two side walls, on the offices of the catalogue."""
 _EQUAL = 1e-9
-"""Motions that differ by less are the same (m, rad)."""
+"""Motions that differ by less than this are the same (m, rad)."""
 _OFTEN, _SELDOM = 0.1, 0.02
-"""Landmarks fail in the corridor where they fail at this share of views, or more; and only
-there where they fail elsewhere at this one, or less."""
+"""Landmarks fail in the corridor if no landmark is recognised at this share of views or more; and
+they fail only there if elsewhere this happens at the second share or less."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """A way over a floor."""
+    """A route over a floor."""
 
     name: str
     world: str
     """The world's spec."""
     tour: str = ""
-    """The world's own tour."""
+    """A tour of the world."""
     backwards: bool = False
-    """The tour from its end to its beginning."""
+    """Whether to follow the tour from its end to its beginning."""
     rooms: str = ""
-    """Where there is no tour: the rooms to go through, joined by commas."""
+    """The rooms to go through, joined by commas, if there is no tour."""
 
     def waypoints(self, world: World) -> Points:
-        """The way's corners (m)."""
+        """Return the route's corners (m)."""
         if self.rooms:
             return Routes(world).through_rooms(self.rooms.split(", "))
         return world.tours[self.tour][:: -1 if self.backwards else 1]
@@ -107,22 +107,22 @@ class Trip:
 
     @property
     def lost(self) -> np.ndarray:
-        """(views,) bool: at which views no landmark was recognised."""
+        """(views,) bool: the views at which no landmark was recognised."""
         return np.diff(self.mapped.watched, prepend=0) > 0
 
     @property
     def in_corridor(self) -> np.ndarray:
-        """(views,) bool: which views were taken in the bare corridor."""
+        """(views,) bool: the views taken in the bare corridor."""
         return np.array(
             [self.world.room_at(x, y) == CORRIDOR for x, y in self.journey.truth[:, :2]]
         )
 
     def turn_errors(self) -> np.ndarray:
-        """(views,): how far the turn that it believed in was from the true one (rad)."""
+        """Return the errors of the believed turns, (views,) (rad)."""
         return self._off(relative(self.mapped.poses[:-1], self.mapped.poses[1:]))
 
     def odometer_turn_errors(self) -> np.ndarray:
-        """(views,): how far the turn that the odometer measured was from the true one (rad)."""
+        """Return the errors of the turns measured by the odometer, (views,) (rad)."""
         return self._off(self._measured)
 
     def _off(self, motions: Poses) -> np.ndarray:
@@ -135,13 +135,13 @@ class Trip:
 
     @property
     def by_odometer(self) -> np.ndarray:
-        """(views,) bool: at which views it believed to have moved just as the odometer said."""
+        """(views,) bool: the views at which the believed motion was exactly the odometer's."""
         believed = relative(self.mapped.poses[:-1], self.mapped.poses[1:])
         return np.append(True, np.abs(relative(self._measured, believed)).max(axis=1) < _EQUAL)
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot along the routes, once a seed, and measure the shape of its maps.
+    """Guide the robot along the routes, once per seed, and measure the shape of its maps.
 
     Raises:
         InputError: No seeds.
@@ -167,7 +167,7 @@ def map_trip(name: str, route: Route, world: World, journey: Journey) -> Trip:
 
 
 def _lost_views(mapper: Mapper) -> int:
-    """At how many views no landmark was recognised so far; 0 for mappers that recognise none."""
+    """Return the number of views without a landmark so far; 0 for mappers without landmarks."""
     return mapper.lost if isinstance(mapper, Albot1) else 0
 
 
@@ -220,12 +220,12 @@ def _report(seeds: range, trips: list[dict[str, Trip]]) -> Report:
 
 
 def _shapes(trips: list[dict[str, Trip]], name: str, route: Route) -> list[Shape]:
-    """The shapes of one mapper's maps of one route, over the seeds."""
+    """Return the shapes of one mapper's maps of one route, over the seeds."""
     return [trip[name].shape for trip in trips if trip[name].route is route]
 
 
 def _route(trips: list[Trip], route: Route) -> dict[str, Figures]:
-    """The figures of one mapper on one route, over the seeds."""
+    """Return the figures of one mapper on one route, over the seeds."""
     along = [trip for trip in trips if trip.route is route]
     return {
         "path_m": round(float(np.median([trip.journey.path_length for trip in along])), 1),
@@ -236,7 +236,7 @@ def _route(trips: list[Trip], route: Route) -> dict[str, Figures]:
 
 
 def _corridor(trips: list[Trip]) -> dict[str, float]:
-    """What became of one mapper in the bare corridor, as shares of all its views."""
+    """Return the figures of one mapper in the bare corridor, as shares of all its views."""
     lost = np.concatenate([trip.lost for trip in trips])
     inside = np.concatenate([trip.in_corridor for trip in trips])
     by_odometer = np.concatenate([trip.by_odometer for trip in trips])
@@ -254,7 +254,7 @@ def _corridor(trips: list[Trip]) -> dict[str, float]:
 
 
 def _mean(values: np.ndarray) -> float:
-    """The mean, as a report holds it; 0 of nothing."""
+    """Return the rounded mean; 0 for no values."""
     return round(float(values.mean()), 3) if len(values) else 0.0
 
 
@@ -291,7 +291,7 @@ but the side walls, which it remembers, still correct its heading.
 
 
 def _picture(trips: list[dict[str, Trip]]) -> Figure:
-    """Each route and beside it the maps of the seed with albot1's median error (figure 3.14)."""
+    """Draw each route, and its maps of the seed with albot1's median error (figure 3.14)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(16, 4 * len(ROUTES)), layout="constrained")

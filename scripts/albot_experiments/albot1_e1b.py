@@ -1,4 +1,4 @@
-"""When Albot1 updates its map, and what a second visit wipes (figures 3.16 and 3.17)."""
+"""When Albot1 updates its map, and what a second visit erases (figures 3.16 and 3.17)."""
 
 from __future__ import annotations
 
@@ -36,43 +36,43 @@ PAPER: dict[str, Figures] = {
 }
 WORLD, TRACED, REVISITED = "office-ring", "single-loop", "revisit"
 TRACE_STEPS = StartStop(move=3.0, turn=np.radians(45.0))
-"""In figure 3.17 a move is about 3 m."""
+"""The steps of figure 3.17: a move is about 3 m."""
 CORRIDORS, OPEN = ("P3", "P5"), ("P1", "P2")
 """The floor's corridors, and its larger rooms."""
 LEAST_RATIO = 1.5
-"""So much oftener must the map be updated in the corridors; in the thesis it is twice as often."""
+"""Minimum ratio of the update rates in corridors and in the open; in the thesis it is 2."""
 NEAR = 1.2
-"""What stands no farther from the way is passed by (m): half the width of the corridor that is gone
-through again, so that the far side of its walls does not count."""
+"""The robot passes walls that are at most this far from its way (m): half the width of the corridor
+that it goes through again, so that the far side of the walls does not count."""
 LEAST_WIPED, MOST_LENGTH = 0.9, 1.25
-"""So much of what is passed again must be wiped; and no more wall than this, for each metre that is
-seen there, may be held after: old walls beside new ones would make it longer."""
+"""Minimum share of the passed walls that must be erased, and maximum length of wall held afterwards
+for each metre of wall seen: old walls beside new ones would make it longer."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trace:
-    """One mapper's updates in steps of 3 m, and what its second visit wiped."""
+    """One mapper's updates in steps of 3 m, and what its second visit erased."""
 
     updated: np.ndarray
-    """(views,) bool: at which views the map was updated."""
+    """(views,) bool: the views at which the map was updated."""
     rooms: tuple[str | None, ...]
-    """In which room each view was taken."""
+    """The room in which each view was taken."""
     wiped: float
-    """Of the walls remembered that the robot passes again, the share that is no longer there."""
+    """Share of the remembered walls passed again that is no longer in the map."""
     length: float
-    """Length of the walls held there at the end, for each metre of wall seen there."""
+    """Length of the walls in the map there at the end, for each metre of wall seen there."""
     before: Segments
     after: Segments
-    """What it remembers before it comes back, and at the end (m)."""
+    """The map's surfaces before the robot comes back, and at the end (m)."""
     mapped: MappedJourney
 
     def rate(self, rooms: tuple[str, ...]) -> float:
-        """Updates for each view taken in the rooms."""
+        """Return the number of updates for each view taken in the rooms."""
         return float(self.updated[[room in rooms for room in self.rooms]].mean())
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot round the ring, and round and on, once a seed.
+    """Guide the robot round the ring, and round it and on, once per seed.
 
     Raises:
         InputError: No seeds.
@@ -89,7 +89,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def trace(name: str, world: World, once: Journey, twice: Journey) -> Trace:
-    """Lead a mapper along both journeys: its updates on the first, its wiping on the second."""
+    """Lead a mapper along both journeys: its updates on the first, what it erases on the second."""
     updates = map_readings(name, once.readings).updates
     view = before_revisiting(world, twice)
     mapped = map_readings(name, twice.readings, [view])
@@ -109,7 +109,7 @@ def trace(name: str, world: World, once: Journey, twice: Journey) -> Trace:
 
 
 def wiped_share(before: Segments, after: Segments, way: Points) -> float:
-    """Of the length of `before` near the way, the share on surfaces that `after` has no more."""
+    """Return the share of the length of `before`, near the way, whose surfaces `after` lacks."""
     kept = {tuple(surface) for surface in after.tolist()}
     is_kept = np.array([tuple(surface) in kept for surface in before.tolist()], np.bool_)
     still, gone = (len(_passed(surface_points(before[rows]), way)) for rows in (is_kept, ~is_kept))
@@ -117,7 +117,7 @@ def wiped_share(before: Segments, after: Segments, way: Points) -> float:
 
 
 def _passed(points: Points, way: Points) -> Points:
-    """The points that the way passes by."""
+    """Return the points that the way passes."""
     return points[KDTree(way).query(points)[0] <= NEAR] if len(points) else points
 
 
@@ -143,7 +143,7 @@ def _median(values: list[float]) -> float:
 
 
 def _figures(traces: list[Trace]) -> dict[str, Figures]:
-    """The figures of one mapper, over the seeds."""
+    """Return the figures of one mapper, over the seeds."""
     wiped = _median([each.wiped for each in traces])
     return {
         "corridor_updates_per_view": _median([each.rate(CORRIDORS) for each in traces]),
@@ -155,7 +155,7 @@ def _figures(traces: list[Trace]) -> dict[str, Figures]:
 
 
 def _is_reached(traces: list[Trace]) -> bool:
-    """Whether updates are denser in corridors, and old walls are wiped and not doubled."""
+    """Return whether updates are denser in corridors, and old walls are erased and not doubled."""
     rates = [(each.rate(CORRIDORS), each.rate(OPEN)) for each in traces]
     corridor, space = np.median(rates, axis=0)
     return bool(
@@ -185,7 +185,7 @@ Medians over the seeds {seeds.start} to {seeds.stop - 1}. A mapper reaches it if
 
 
 def _picture(world: World, traces: dict[str, list[Trace]]) -> Figure:
-    """The first seed's map when the robot comes back, and at the end, with the way between."""
+    """Draw the first seed's map when the robot comes back, and at the end, with the way between."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5 * len(traces), 10), layout="constrained")

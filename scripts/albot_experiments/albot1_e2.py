@@ -1,4 +1,4 @@
-"""Experiment 2 of the Albot1 thesis: where home is, seen from afar (section 3.2.2)."""
+"""Experiment 2 of the Albot1 thesis: pointing to home from afar (section 3.2.2)."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ PAPER: dict[str, Figures] = {
     "distance_error_m": median_and_worst(_OFF[:, 1].tolist(), 2),
 }
 LARGEST_ANGLE, LARGEST_DISTANCE = np.radians(7.0), 3.2
-"""What no stop of the thesis exceeds, and none of any run may (rad, m)."""
+"""Errors that no stop of the thesis exceeds, and none of any run may exceed (rad, m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """Where the robot stops and tells where home is."""
+    """A stop at which the robot points to home."""
 
     name: str
     backwards: bool
-    """Whether on the journey against the tour's direction."""
+    """Whether the stop is on the journey against the tour's direction."""
     at: tuple[float, float]
-    """Place on the floor (m)."""
+    """Position on the floor (m)."""
 
 
 STOPS = (
@@ -64,30 +64,30 @@ STOPS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pointing:
-    """What one mapper says at one stop."""
+    """One mapper's answer at one stop."""
 
     stop: Stop
     truth: Pose
-    """Where the robot was, in the world's frame."""
+    """The robot's true pose, in the world's frame."""
     home: Pose
-    """Where home was, seen from there."""
+    """The true pose of home, in the robot's frame."""
     believed: Pose
-    """Where it was believed to be, seen from there."""
+    """The believed pose of home, in the robot's frame."""
 
     @property
     def angle_error(self) -> float:
-        """Between the directions of home as believed and as it was (rad)."""
+        """Angle between the believed and the true direction of home (rad)."""
         turn = math.atan2(self.believed[1], self.believed[0]) - math.atan2(*self.home[1::-1])
         return float(abs(wrap_angle(turn)))
 
     @property
     def distance_error(self) -> float:
-        """Between the distances of home as believed and as it was (m)."""
+        """Difference between the believed and the true distance of home (m)."""
         return float(abs(np.hypot(*self.believed[:2]) - np.hypot(*self.home[:2])))
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot on both journeys, once a seed, and ask at every stop where home is.
+    """Guide the robot on both journeys, once per seed, and ask at every stop where home is.
 
     Raises:
         InputError: No seeds.
@@ -108,7 +108,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def point(journey: Journey, home: Poses, stop: Stop) -> Pointing:
-    """Where home is and is believed to be, at the view nearest to the stop."""
+    """Return the true and the believed pose of home at the view nearest to the stop."""
     view = journey.nearest_view(np.array(stop.at))
     truth = journey.truth[view]
     return Pointing(
@@ -141,7 +141,7 @@ def _report(seeds: range, world: World, pointings: dict[str, list[Pointing]]) ->
 
 
 def _share(pointings: list[Pointing]) -> float:
-    """The share of the stops at which home is told as well as in the thesis."""
+    """Return the share of the stops at which home is located as well as in the thesis."""
     within = [
         pointing.angle_error <= LARGEST_ANGLE and pointing.distance_error <= LARGEST_DISTANCE
         for pointing in pointings

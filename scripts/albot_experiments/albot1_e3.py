@@ -1,4 +1,4 @@
-"""Experiment 3 of the Albot1 thesis: how well the map bears a wrong odometer (section 3.2.3)."""
+"""Experiment 3 of the Albot1 thesis: tolerance of the map to odometer errors (section 3.2.3)."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ PAPER = {
 DISTURBANCE = np.array([0.1, 0.0, np.radians(1.0)])
 """Added to the odometer's motion between consecutive views in the second run (m, m, rad)."""
 LARGEST_DRIFT = 0.05
-"""A drift larger than this (rad/m) is no longer an odometer's."""
+"""Maximum plausible drift of an odometer (rad/m)."""
 _SHARP = replace(LMS_200, range_noise=0.005)
-"""The LMS-200's statistical error is nearer 5 mm than the 10 mm that stand for all its errors."""
+"""The LMS-200's statistical error is nearer 5 mm than the 10 mm that represent all its errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Floor:
-    """Where the robot is led, in which steps, and how well its laser measures."""
+    """A floor, the robot's tour and steps on it, and its laser."""
 
     world: str
     tour: str
@@ -63,11 +63,11 @@ FLOORS: Mapping[str, Floor] = {
     ),
 }
 """A plain corridor round a block, in the steps of the thesis: 106 views. The same with a better
-laser. And the rooms and corridors of an office, in steps that make 106 views of about 100 m."""
+laser. And the rooms and corridors of an office, in steps that give 106 views on about 100 m."""
 JUDGED = ("corridor", "office")
 """The floors on which the thesis's figures must be reached."""
 LONGEST = "albot1-thesis, longest"
-"""The thesis's with the longest landmark, as its text at figure 3.11 says, not eq. (3.5)."""
+"""The thesis's mapper with the longest landmark, as its text at figure 3.11 says, not eq. (3.5)."""
 CONFIGS: Mapping[str, Mapping[str, float]] = {
     "albot1-thesis": CHAPTER_3,
     LONGEST: CHAPTER_3 | {"longest_landmark": True},
@@ -75,7 +75,7 @@ CONFIGS: Mapping[str, Mapping[str, float]] = {
     "albot1": CHAPTER_3,
     "odometry": {},
 }
-"""The mappers, and what sets them apart from those of their names."""
+"""The mappers, with the parameters that differ from their defaults."""
 _DRAWN = ("odometry", *ALBOT1)
 
 
@@ -84,15 +84,15 @@ class Run:
     """One mapper on one journey."""
 
     surfaces: Segments
-    """What it remembers at the end, in the map's frame (m)."""
+    """The map's surfaces at the end, in the map's frame (m)."""
     poses: Poses
-    """Where it believed to be at every view, in the map's frame."""
+    """The estimated pose at every view, in the map's frame."""
     corner: Points
-    """(2, 2): the corner's place in the map as seen at the start (A) and at the end (B)."""
+    """(2, 2): the corner's position in the map as seen at the start (A) and at the end (B)."""
     on_the_way: float
     """Mean distance between believed and true position over all views (m)."""
     lost: int
-    """At how many views no landmark was recognised."""
+    """Number of views at which no landmark was recognised."""
 
     @property
     def error(self) -> float:
@@ -101,15 +101,15 @@ class Run:
 
 
 Runs = dict[tuple[str, str, str], Run]
-"""The runs of one seed, by floor, mapper, and how the odometer was."""
+"""The runs of one seed, by floor, mapper, and disturbance of the odometer."""
 _HOWS = ("", "_disturbed")
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Guide the robot round each floor once a seed and map what it saw.
+    """Guide the robot round each floor once per seed, and map the readings.
 
-    For every seed the odometer drifts by just so much that integrating it ends 4.6 m off;
-    then again with 0.1 m and 1° added between consecutive views.
+    For every seed the odometer drifts such that its integrated motions end 4.6 m off; then again
+    with 0.1 m and 1° added between consecutive views.
 
     Raises:
         InputError: No seeds.
@@ -134,12 +134,11 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def drifting(journey: Journey, corner: Points, error: float) -> Journey:
-    """The journey with the least constant drift that sets the corner's two places apart.
+    """Return the journey with the least constant drift that separates the corner's two positions.
 
-    The drift is a turn measured in excess per metre driven, as from wheels of unequal size.
-    Integrating the motions then places the corner seen at the end `error` m from where it
-    was seen at the start; or as near to that as it can, where the odometer's other errors alone
-    bring it farther.
+    The drift is an excess turn per metre driven, as from wheels of unequal size. By the integrated
+    motions the corner seen at the end is then `error` m from where it was seen at the start, or as
+    near to that as possible if the odometer's other errors alone are larger.
 
     Raises:
         InputError: No plausible drift does it.
@@ -165,20 +164,20 @@ def drifting(journey: Journey, corner: Points, error: float) -> Journey:
     least, nearest = min(tried)
     if not roots and least < 0.0:
         raise InputError("odometer", f"a drift that ends {error} m off", "none")
-    # An odometer may err by more than that whatever its drift: then the drift of the least error.
+    # The odometer's error may be larger with any drift; then the drift of the least error is taken.
     drift = min(roots, key=abs) if roots else nearest
     return _with_motions(journey, motions + np.outer(driven, [0.0, 0.0, drift]))
 
 
 def moved_by(journey: Journey, disturbance: Pose) -> Journey:
-    """The journey with `disturbance` added to the motion between consecutive views."""
+    """Return the journey with `disturbance` added to the motion between consecutive views."""
     motions = np.array([reading.motion for reading in journey.readings])
     motions[1:] += disturbance
     return _with_motions(journey, motions)
 
 
 def common_corner(world: World, journey: Journey) -> Points:
-    """The wall corner seen from the start and from the end that is nearest to the start."""
+    """Return the wall corner nearest to the start that is seen from the start and from the end."""
     corners = np.unique(world.walls.reshape(-1, 2), axis=0)
     order = np.argsort(np.hypot(*(corners - journey.truth[0, :2]).T))
     for corner in corners[order]:
@@ -188,7 +187,7 @@ def common_corner(world: World, journey: Journey) -> Points:
 
 
 def map_journey(name: str, journey: Journey, corner: Points) -> Run:
-    """Run a mapper of CONFIGS over the journey and find the corner's two places in its map."""
+    """Run a mapper of CONFIGS on the journey, and find the corner's two positions in its map."""
     mapped = map_readings(name.partition(",")[0], journey.readings, config=CONFIGS[name])
     poses, mapper = mapped.poses, mapped.mapper
     truth = relative(journey.truth[0], journey.truth)
@@ -205,7 +204,7 @@ def map_journey(name: str, journey: Journey, corner: Points) -> Run:
 
 
 def _integrated(motions: Poses) -> Pose:
-    """The pose that all motions but the first add up to: each is turned by those before it."""
+    """Return the sum of all motions but the first, each rotated by the turns before it."""
     x, y, turns = motions[1:].T
     headings = np.cumsum(turns)
     before = np.append(0.0, headings[:-1])
@@ -226,7 +225,7 @@ def _as_seen(pose: Pose, point: Points) -> Points:
 
 
 def _sees(journey: Journey, view: int, corner: Points) -> bool:
-    """Whether some beam of a view ends within 15 cm of the corner."""
+    """Return whether some beam of a view ends within 15 cm of the corner."""
     points = journey.readings[view].required_laser("this experiment").points
     seen = _as_seen(journey.truth[view], corner)
     return bool((np.hypot(*(points - seen).T) < 0.15).any())
@@ -274,7 +273,7 @@ _COMPARED = ("error_m", "error_disturbed_m", "mean_error_on_the_way_m")
 
 
 def _figures(runs: list[dict[str, Run]]) -> dict[str, Figures]:
-    """The figures of one mapper on one floor, over the seeds."""
+    """Return the figures of one mapper on one floor, over the seeds."""
     figures: dict[str, Figures] = {}
     for how, bound in zip(_HOWS, _BOUNDS, strict=True):
         errors = [run[how].error for run in runs]
@@ -291,7 +290,7 @@ _BOUNDS = (PAPER["albot1_error_m"], PAPER["albot1_error_disturbed_m"])
 
 
 def _is_reached(figures: Figures) -> bool:
-    """Whether a mapper is within the thesis's errors in half of the seeds or more."""
+    """Return whether a mapper is within the thesis's errors in at least half of the seeds."""
     assert isinstance(figures, Mapping)
     shares = (figures[f"within_{bound}_m{how}"] for how, bound in zip(_HOWS, _BOUNDS, strict=True))
     return all(isinstance(share, float) and share >= 0.5 for share in shares)
@@ -333,7 +332,7 @@ shows the map without that.
 
 
 def _picture(runs: list[Runs]) -> Figure:
-    """The maps of the seed with the letter's median error, as figures 3.21 and 3.22."""
+    """Draw the maps of the seed with albot1-thesis's median error, as figures 3.21 and 3.22."""
     from matplotlib.figure import Figure
 
     order = sorted(runs, key=lambda run: run[JUDGED[0], "albot1-thesis", ""].error)

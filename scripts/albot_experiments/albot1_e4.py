@@ -29,11 +29,11 @@ PAPER = {
     "shape_kept": True,
 }
 MOST_UPDATES = 0.4
-"""Of the views."""
+"""Maximum number of updates, as a share of the views."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive the robot without stopping, once a seed, and map every 10 cm and 1°.
+    """Drive the robot without stopping, once per seed, and take a view every 10 cm and 1°.
 
     Raises:
         InputError: No seeds.

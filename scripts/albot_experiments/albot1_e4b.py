@@ -1,4 +1,4 @@
-"""How much to remove around a view before it is laid over the map (section 3.2.4)."""
+"""The margin around a view within which the map is cleared before an update (section 3.2.4)."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ PAPER: dict[str, Figures] = {
     "too_much_forgets": True,
 }
 MARGINS = (0.0, 0.2, 0.4, 0.8, 1.6)
-"""How near to the boundary of a view a surface counts as inside (m)."""
+"""Distances from a view's boundary within which a surface counts as inside (m)."""
 THESIS_MARGIN = 0.4
 SPACING, TURN = 0.1, np.radians(1.0)
-"""Views as far apart as in experiment 4 (m, rad)."""
+"""Distance and turn between views, as in experiment 4 (m, rad)."""
 
 Drives = dict[tuple[str, float], list[tuple[Drive, float]]]
-"""By mapper and margin: a drive a seed, and the wall held for each metre of wall seen."""
+"""By mapper and margin: for each seed the drive, and the wall held for each metre of wall seen."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive the tour of experiment 4, once a seed, and map it with every margin.
+    """Drive the tour of experiment 4, once per seed, and map it with every margin.
 
     Raises:
         InputError: No seeds.
@@ -114,7 +114,7 @@ def _recall(drives: Drives, name: str, margin: float) -> float:
 
 
 def _leaves_ghosts(drives: Drives, name: str) -> bool:
-    """Whether with no margin more wall is held, but no more of the walls seen is found."""
+    """Return whether, without a margin, the map holds more wall, but is not more precise."""
     longer = _held(drives, name, 0.0) > 1.1 * _held(drives, name, THESIS_MARGIN)
     none, thesis = (_precision(drives, name, margin) for margin in (0.0, THESIS_MARGIN))
     return longer and none <= thesis
@@ -125,12 +125,12 @@ def _precision(drives: Drives, name: str, margin: float) -> float:
 
 
 def _forgets(drives: Drives, name: str) -> bool:
-    """Whether with the widest margin less of the walls seen is found."""
+    """Return whether, with the widest margin, fewer of the walls seen are in the map."""
     return _recall(drives, name, MARGINS[-1]) < 0.9 * _recall(drives, name, THESIS_MARGIN)
 
 
 def _best(drives: Drives, name: str) -> float:
-    """The margin with the largest share of the map that is right."""
+    """Return the margin with the highest precision."""
     return max(MARGINS, key=lambda margin: _precision(drives, name, margin))
 
 
@@ -150,7 +150,7 @@ the walls seen is found. A mapper reaches it where both are so.
 
 
 def _picture(world: World, drives: Drives) -> Figure:
-    """The first seed's map at the end, a row for each mapper and a column for each margin."""
+    """Draw the first seed's map at the end, with a row per mapper and a column per margin."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4 * len(MARGINS), 4.3 * len(ALBOT1)), layout="constrained")

@@ -31,15 +31,16 @@ PAPER = {
     "slam_shape_kept": False,
 }
 MOST_UPDATES = 0.65
-"""Of the views."""
+"""Maximum number of updates, as a share of the views."""
 SLAM = ("scan-matching", "graph-slam", "gmapping", "grid-slam", "dp-slam")
-"""Ours of the kinds that the thesis runs: CARMEN's, GMapping, gridSLAM, DP-SLAM; and graph SLAM."""
+"""Our mappers of the kinds that the thesis runs: CARMEN's, GMapping, gridSLAM, DP-SLAM; and graph
+SLAM."""
 SLAM_SEEDS = 20
-"""They take seconds a drive: they are led along the drives of so many seeds, the first ones."""
+"""Number of seeds, the first ones, on whose drives these mappers run: they take seconds a drive."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive the robot as in experiment 4, once a seed, and map every metre and 10°.
+    """Drive the robot as in experiment 4, once per seed, and take a view every metre and 10°.
 
     Raises:
         InputError: No seeds.

@@ -47,29 +47,30 @@ ID = "albot1-e6"
 TITLE = "Public logs (Hossain 2014, section 3.2.6, figure 3.29)"
 PAPER = {"logs": 1, "reasonable_shape": True}
 LARGEST_TRANSLATION, LARGEST_ROTATION = 0.22, np.radians(1.7)
-"""A map has a reasonable shape only where its mean errors against the true relations are no larger
-(m, rad): what Kümmerle et al. 2009 measure of scan matching on Intel."""
+"""A map has a reasonable shape only if its mean errors against the true relations are at most these
+(m, rad), which Kümmerle et al. 2009 measure of scan matching on Intel."""
 LEAST_HALF = 0.5
-"""…and where so much of what it remembers is right: its median distance from the walls is below
-WITHIN. Less than in the simulator, for the references are themselves off by a decimetre."""
+"""…and if at least this share of its surfaces is right, which means that their median distance from
+the walls is below WITHIN. It is less than in the simulator, because the references are themselves
+off by a decimetre."""
 _DOUBLED = 3.0
-"""A wall that stands beside itself does so no farther (m)."""
+"""Maximum distance between a wall and its double (m)."""
 _CELL = 0.1
-"""Reference walls are thinned to a point for each such square (m), so that all count alike."""
+"""Reference walls are thinned to one point for each square of this side (m), to weigh all alike."""
 _DRAWN = 15_000
-"""Points of a reference map in the picture."""
+"""Number of points of a reference map in the picture."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WallErrors:
-    """How a map's walls lie to those of the reference, as shares of wall length."""
+    """Errors of a map's walls relative to the reference's, as shares of wall length."""
 
     precision: float
-    """Of the map's, those within WITHIN of a true wall."""
+    """Share of the map's walls within WITHIN of a true wall."""
     recall: float
-    """Of the reference's, those within WITHIN of the map."""
+    """Share of the reference's walls within WITHIN of the map's."""
     doubled: float
-    """Of the map's, those beside a true wall that the map holds in its right place as well."""
+    """Share of the map's walls that double a true wall which the map also holds in its place."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,16 +81,16 @@ class Run:
     known: KnownLog
     mapped: MappedJourney
     frame: Pose
-    """The map's frame on the floor."""
+    """The pose of the map's frame on the floor."""
     walls: tuple[WallErrors, ...]
-    """Of the log as it is, and, where the true path is known, of it with a little noise added."""
+    """The errors on the log as it is and, if the true path is known, on copies with added noise."""
     path_errors: tuple[float, ...]
-    """The ATE (m) of the same; none where the true path is not known."""
+    """The ATE (m) on the same logs; empty if the true path is not known."""
     relations: RelationError | None
 
     @property
     def reasonable(self) -> bool:
-        """Whether the shape is, in the median: by all that is known of the truth."""
+        """Whether the shape is reasonable, in the median, by all that is known of the truth."""
         relations = self.relations
         return bool(
             np.median([each.precision for each in self.walls]) >= LEAST_HALF
@@ -100,7 +101,7 @@ class Run:
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Map each log as it is, and once a seed with a little noise added.
+    """Map each log as it is, and once per seed with a little noise added.
 
     Raises:
         InputError: No seeds, or no folder of real logs.
@@ -111,7 +112,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     for done, real in enumerate(LOGS, start=1):
         known = read_real_log(real)
         generators = [np.random.default_rng(seed) for seed in seeds]
-        # Without a true path nothing is measured on them.
+        # Without a true path no errors are measured on them.
         noisy = [with_noise(known.log, rng) for rng in generators if known.truth is not None]
         runs += [map_log(name, real, known, noisy) for name in MAPPERS]
         progress(done * len(seeds) // len(LOGS))
@@ -119,7 +120,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def map_log(name: str, real: RealLog, known: KnownLog, noisy: list[Log]) -> Run:
-    """Lead a mapper through a log and its noisy copies, and hold it against what is known."""
+    """Run a mapper on a log and its noisy copies, and compare the maps with the truth."""
     mapped, believed = _follow(name, known.log)
     surfaces = mapped.mapper.snapshot().segments
     frame = known.frame_of(believed, surfaces)
@@ -153,13 +154,13 @@ def _path_error(believed: Trajectory, known: KnownLog) -> float | None:
 
 
 def thinned(points: Float64[np.ndarray, "points 2"]) -> Float64[np.ndarray, "thinned 2"]:
-    """One of the points for each square of _CELL, so that they stand for lengths of wall."""
+    """Return one of the points for each square of _CELL, so that their number measures length."""
     _, first = np.unique(np.floor(points / _CELL).astype(np.int64), axis=0, return_index=True)
     return np.asarray(points[first])
 
 
 def wall_errors(surfaces: Segments, frame: Pose, reference: Points) -> WallErrors:
-    """Hold a map's surfaces, laid by `frame`, against the points of the true walls (m)."""
+    """Compare a map's surfaces, placed by `frame`, with the points of the true walls (m)."""
     points = transform_points(frame, surface_points(surfaces))
     precision, recall = precision_and_recall(points, reference, reference, WITHIN)
     doubled = 0.0
@@ -263,7 +264,7 @@ again after a hundred metres stand beside themselves: `doubled_walls` says how m
 
 
 def _picture(runs: list[Run]) -> Figure:
-    """A column for each log, a row for each mapper."""
+    """Draw all maps, with a column for each log and a row for each mapper."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(20, 3.9 * len(MAPPERS)), layout="constrained")

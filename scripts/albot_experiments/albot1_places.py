@@ -1,4 +1,4 @@
-"""A network of places held against the rooms that its places truly are."""
+"""A network of places compared with the true rooms."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from albot_experiments.tours import Journey
 from albot_maps import World
 
 DOORWAY = 1.0
-"""So near to the middle of an exit a robot may be in the room on either side of it (m)."""
+"""Within this distance of an exit's middle a robot may be in the room on either side (m)."""
 NEARBY = 2.0
-"""An exit that the robot goes through is seen no farther from it (m)."""
+"""An exit that the robot goes through is seen at most this far from the robot (m)."""
 
 Line = Float64[np.ndarray, "4"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossing:
-    """The robot found that it had gone through an exit."""
+    """The mapper's discovery that the robot has gone through an exit."""
 
     view: int
-    """The view at which it found it."""
+    """The view of the discovery."""
     exit: str
     """The true exit's name."""
     seen: Line
-    """Where the exit was seen, in the map's frame (m); NaN where it was not."""
+    """The exit as seen, in the map's frame (m); NaN if it was not seen."""
     expected: Line
-    """Where an exit of the place left was expected nearest to that (m); NaN where nowhere."""
+    """The nearest expected exit of the place that the robot left (m); NaN if there was none."""
 
     @property
     def gap(self) -> float:
@@ -53,15 +53,15 @@ class PlacedJourney:
     mapper: Albot1
     """The mapper after the last view."""
     poses: Poses
-    """(views, 3): where it believed to be at every view, in the map's frame."""
+    """(views, 3): the estimated pose at every view, in the map's frame."""
     places: Int64[np.ndarray, "views"]
-    """The id that the place believed to be in has at the end, for every view."""
+    """For every view, the final id of the place in which the robot believed to be."""
     crossings: tuple[Crossing, ...]
-    """The exits gone through, in order."""
+    """The exits that the robot went through, in order."""
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What happened to the network."""
+        """The events of the network."""
         return self.mapper.events
 
     @property
@@ -70,9 +70,9 @@ class PlacedJourney:
         return self.mapper.snapshot().place_graph
 
     def rooms(self, world: World) -> dict[int, frozenset[str]]:
-        """The rooms in which the robot truly was while it believed to be in each place.
+        """Return the rooms in which the robot truly was while it believed to be in each place.
 
-        Where it stood in a doorway says nothing.
+        Positions in doorways do not count.
         """
         doors = np.array([door.segment.reshape(2, 2).mean(axis=0) for door in world.exits])
         rooms: dict[int, set[str]] = {}
@@ -83,7 +83,7 @@ class PlacedJourney:
         return {place: frozenset(found) for place, found in rooms.items()}
 
     def is_right(self, world: World) -> bool:
-        """Whether every place is one room, every room one place, and all exits join them."""
+        """Return whether every place is one room, every room one place, and all exits join them."""
         rooms = self.rooms(world)
         names = [next(iter(found)) for found in rooms.values() if len(found) == 1]
         if len(names) < len(rooms) or sorted(names) != sorted(room.name for room in world.rooms):
@@ -99,12 +99,12 @@ class PlacedJourney:
 def place_journey(
     name: str, world: World, journey: Journey, config: object = None
 ) -> PlacedJourney:
-    """Lead a fresh mapper through a journey, and keep where it believed to be.
+    """Run a new mapper on a journey, and record its beliefs.
 
-    `config` is as `make_mapper` takes it; by default every reading is a view.
+    `config` is as for `make_mapper`; by default every reading is a view.
 
     Raises:
-        InputError: The mapper is no Albot1.
+        InputError: The mapper is not one of Albot1's.
     """
     if config is None and name in ALBOT1:
         config = EVERY_READING
@@ -143,7 +143,7 @@ def place_journey(
 
 
 def same_in_the_end(events: Iterable[Event]) -> Mapping[int, int]:
-    """The id that the place of every id lost has at the end: the least of those merged."""
+    """Return the final id of every place that was merged: the least of the merged ids."""
     same: dict[int, int] = {}
     for event in events:
         if event.kind in (EventKind.RECOGNIZED, EventKind.FOLLOWED, EventKind.RELOCALISED):
@@ -154,17 +154,17 @@ def same_in_the_end(events: Iterable[Event]) -> Mapping[int, int]:
 
 
 def middle(line: Line) -> Points:
-    """The middle of a line (m)."""
+    """Return the middle of a line (m)."""
     return np.asarray(0.5 * (line[:2] + line[2:]))
 
 
 def between(one: Line, other: Line) -> float:
-    """Distance between the middles of two lines (m)."""
+    """Return the distance between the middles of two lines (m)."""
     return float(np.hypot(*(middle(one) - middle(other))))
 
 
 def _nearest(lines: Float64[np.ndarray, "lines 4"], point: Points) -> Line:
-    """The line with its middle nearest to a point, NaN where none is near."""
+    """Return the line whose middle is nearest to a point; NaN if none is near."""
     away = [float(np.hypot(*(middle(line) - point))) for line in lines]
     if not away or not min(away) < NEARBY:
         return np.full(4, np.nan)

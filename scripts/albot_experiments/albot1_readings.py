@@ -1,4 +1,4 @@
-"""Three readings of the thesis, alone and together: what they do to the letter, and to ours."""
+"""Three readings of the thesis, alone and together: their effects on Albot1's mappers."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ PRESETS: Mapping[str, Callable[[], Albot1Config]] = {
 }
 READINGS = ("obstructing", "outer end kept", "covered")
 """An occluding point obstructs another surface; a surface that is extended keeps its outer end;
-every surface that a view covers counts as met again."""
+every surface that a view covers counts as observed again."""
 LOG_COPIES = 4
-"""How many copies of a log, with a little noise, are mapped beside it at the most."""
+"""Maximum number of copies of a log, with a little noise, that are mapped in addition to it."""
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "none": (),
     **{f"{reading} alone": (reading,) for reading in READINGS},
@@ -49,16 +49,16 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(kw_only=True)
 class Tally:
-    """What is measured of one config, a value a seed."""
+    """The figures of one config, each with one value per seed."""
 
     values: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, name: str, value: float) -> None:
-        """Note a value."""
+        """Add a value of a figure."""
         self.values.setdefault(name, []).append(value)
 
     def figures(self) -> dict[str, Figures]:
-        """The medians; of shares the means."""
+        """Return the medians of the figures; for shares the means."""
         told: dict[str, Figures] = {}
         for name, values in self.values.items():
             middle = np.mean(values) if name.startswith("share_") else np.median(values)
@@ -67,7 +67,7 @@ class Tally:
 
 
 def config_of(preset: str, readings: tuple[str, ...]) -> Albot1Config:
-    """A mapper's config under some of the readings, and none of the others."""
+    """Return a mapper's config with the given readings of the thesis, and none of the others."""
     config = PRESETS[preset]()
     return replace(
         config,
@@ -80,7 +80,7 @@ def config_of(preset: str, readings: tuple[str, ...]) -> Albot1Config:
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Lead each preset under each variant round the floors and through the logs, once a seed.
+    """Run each preset with each variant on the floors and the logs, once per seed.
 
     Raises:
         InputError: No seeds, or no folder of real logs.
@@ -121,11 +121,11 @@ _Configs = Mapping[_Key, Albot1Config]
 _Tallies = Mapping[_Key, Tally]
 
 _chapter_3 = partial(replace, remembers_places=False)
-"""A config without places."""
+"""Return a config without places."""
 
 
 def _drive(world: World, seed: int, configs: _Configs, tallies: _Tallies) -> None:
-    """The drive of experiment 4."""
+    """Measure the drive of experiment 4."""
     ridden = driven_tour(world, world.tours[TOUR], np.random.default_rng(seed))
     journey = thinned_views(ridden, 0.1, np.radians(1.0))
     for key, config in configs.items():
@@ -137,7 +137,7 @@ def _drive(world: World, seed: int, configs: _Configs, tallies: _Tallies) -> Non
 
 
 def _loop(_: World, seed: int, configs: _Configs, tallies: _Tallies) -> None:
-    """The corridor of experiment 3, its odometer disturbed."""
+    """Measure the corridor of experiment 3, with a disturbed odometer."""
     floor = FLOORS["corridor"]
     world = load_world(floor.world)
     rng = np.random.default_rng(seed)
@@ -149,7 +149,7 @@ def _loop(_: World, seed: int, configs: _Configs, tallies: _Tallies) -> None:
 
 
 def _places(world: World, seed: int, configs: _Configs, tallies: _Tallies) -> None:
-    """The ring of chapter 4, from home once round, and twice round."""
+    """Measure the ring of chapter 4, from home once round, and twice round."""
     loop = world.tours["single-loop"]
     once = guided_tour(world, loop_from(loop, 0), np.random.default_rng(seed))
     twice = guided_tour(world, twice_round(loop), np.random.default_rng(seed))
@@ -204,7 +204,7 @@ drive, Intel and the first log of Wean Hall. *Covered* changes nothing in it.
 
 
 def _picture(tallies: _Tallies) -> Figure:
-    """The path error on the drive by preset and variant."""
+    """Draw the path error on the drive by preset and variant."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 4.2), layout="constrained")

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 ID = "association-1"
 TITLE = "The map produced (Yeap et al. 2015, figure 7)"
 WORLD, TOUR, BEYOND = "office-ring", "single-loop", 6
-"""Once round, clockwise, and BEYOND waypoints on."""
+"""The tour: once round, clockwise, and BEYOND waypoints further."""
 STEPS = StartStop(move=3.0, turn=np.radians(30.0))
-"""The most that the paper's robot drives and turns from view to view."""
+"""Maximum drive and turn from view to view, as the paper's."""
 LASER = "lms-200-fine"
 """361 beams at 0.5°, as the paper's."""
 DRIFTS = ("pioneer", "poor", "albot1-disturbed")
@@ -43,7 +43,7 @@ DRIFTS = ("pioneer", "poor", "albot1-disturbed")
 MAPPERS = ("association", "odometry", "albot1-thesis")
 PAPER = {"path_m": 130.0, "views": 103, "shape_kept": True}
 RATIO = 5.0
-"""The shape is kept where the path by plain integration of views is so many times as wrong."""
+"""The shape is kept if the path error of plain integration is at least this many times as large."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,11 +51,11 @@ class Run:
     """A mapper at the end of a journey."""
 
     surfaces: Segments
-    """What it remembers, in the map's frame (m)."""
+    """The map's surfaces, in the map's frame (m)."""
     poses: Poses
-    """(views, 3): where it believed to be at every view."""
+    """(views, 3): the estimated pose at every view."""
     shape: Shape
-    """How far the map is from the floor."""
+    """The errors of the map."""
 
 
 Runs = Mapping[str, Run]
@@ -63,7 +63,7 @@ Runs = Mapping[str, Run]
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Lead the robot round once a seed and an odometer, and map what it saw.
+    """Lead the robot round once per seed and odometer, and map the readings.
 
     Raises:
         InputError: No seeds.
@@ -80,7 +80,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def drive(world: World, odometer: str, seed: int) -> Journey:
-    """Lead a robot with an odometer along the tour."""
+    """Lead a robot with an odometer along the tour; return the journey."""
     tour = world.tours[TOUR]
     waypoints = np.concatenate((tour, tour[1 : BEYOND + 1]))
     sensors = Sensors(laser=LASERS[LASER], odometer=ODOMETERS[odometer])
@@ -90,7 +90,7 @@ def drive(world: World, odometer: str, seed: int) -> Journey:
 
 
 def follow(name: str, journey: Journey, world: World) -> Run:
-    """Lead a mapper through a journey, and measure its map."""
+    """Run a mapper on a journey, and measure its map."""
     mapped = map_readings(name, journey.readings)
     surfaces = mapped.mapper.snapshot().segments
     walls = Walls.of_journey(world.walls, journey.readings, journey.truth)
@@ -131,7 +131,7 @@ def _report(seeds: range, journeys: list[Journey], runs: Mapping[str, list[Runs]
 
 
 def _ratio(runs: list[Runs]) -> float:
-    """How many times as large the path's error is by plain integration, in the median run."""
+    """Return the ratio of the path errors by plain integration and by association, the median."""
     return float(
         np.median(
             [run["odometry"].shape.path_error / run["association"].shape.path_error for run in runs]
@@ -163,7 +163,7 @@ first seed.
 
 
 def _picture(runs: Mapping[str, list[Runs]]) -> Figure:
-    """Figure 7 for each odometer: the map by each mapper."""
+    """Draw figure 7 for each odometer: the map by each mapper."""
     from matplotlib.figure import Figure
 
     world = load_world(WORLD)

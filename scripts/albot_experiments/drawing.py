@@ -1,4 +1,4 @@
-"""Maps beside and upon the floors that they are maps of."""
+"""Drawing of maps beside and over the true floors."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FLOOR, SURFACE, PATH, MARK = "#c9ccd1", "#22262b", "#d1603d", "#0a8a5f"
-"""Colours of true walls, of what the robot remembers, of its way, and of what matters."""
+"""Colours of true walls, of the map, of the robot's path, and of highlights."""
 PLACES = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
-"""Colours of places, by their ids; they come again after the eighth."""
+"""Colours of places, by their ids; they repeat after the eighth."""
 
 
 def draw_floor(axes: Axes, walls: Segments, colour: str = FLOOR, width: float = 0.8) -> None:
@@ -28,7 +28,7 @@ def draw_floor(axes: Axes, walls: Segments, colour: str = FLOOR, width: float = 
 
 
 def draw_route(axes: Axes, world: World, way: Points) -> None:
-    """Draw a floor and a way over it, with a dot at its beginning and arrows along it."""
+    """Draw a floor and a route over it, with a dot at its beginning and arrows along it."""
     draw_floor(axes, world.walls, SURFACE)
     axes.plot(way[:, 0], way[:, 1], color=PATH, lw=1.2)
     axes.plot(*way[0], "o", color=MARK, ms=6)
@@ -42,13 +42,13 @@ def draw_route(axes: Axes, world: World, way: Points) -> None:
 
 
 def draw_map(axes: Axes, world: World, surfaces: Segments, poses: Poses, frame: Pose) -> None:
-    """Draw a map and the believed way, laid on the true walls.
+    """Draw a map and the estimated path, placed on the true walls.
 
     Args:
         axes: Where to draw.
         world: The floor.
-        surfaces: What the robot remembers, in the map's frame.
-        poses: (views, 3): where it believed to be, in the map's frame.
+        surfaces: The map's surfaces, in the map's frame.
+        poses: (views, 3): the estimated poses, in the map's frame.
         frame: The map's frame as a pose in the world's.
     """
     draw_floor(axes, world.walls)
@@ -58,19 +58,19 @@ def draw_map(axes: Axes, world: World, surfaces: Segments, poses: Poses, frame: 
 
 
 def draw_points(axes: Axes, world: World, points: Points, poses: Poses, frame: Pose) -> None:
-    """As `draw_map`, for a map of points (n, 2), in its own frame (m)."""
+    """Draw a map as `draw_map` does, for a map of points (n, 2) in its own frame (m)."""
     draw_floor(axes, world.walls)
     axes.plot(*transform_points(frame, points).T, ",", color=SURFACE)
     axes.plot(*compose(frame, poses)[:, :2].T, color=PATH, lw=0.8)
 
 
 def draw_place_graph(axes: Axes, world: World, graph: PlaceGraph, frame: Pose) -> None:
-    """Draw places in colours of their own, their exits, and the links between them.
+    """Draw places, each in its colour, their exits, and the links between them.
 
     Args:
         axes: Where to draw.
         world: The floor, drawn beneath.
-        graph: The places, drawn where the map had them when they were learned.
+        graph: The places, drawn at their positions in the map when they were learned.
         frame: The map's frame as a pose in the world's.
     """
     draw_floor(axes, world.walls)

@@ -1,4 +1,4 @@
-"""A mapper led through a journey, and what is kept of it view by view."""
+"""A mapper run on a journey, and the record of its states at the views."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from albot_core.sensing.reading import Reading
 from albot_experiments.report import Figures
 
 ALBOT1 = ("albot1-thesis", "albot1-tracked", "albot1")
-"""The mappers on which each experiment of the thesis gives a verdict: to the letter, with the
-landmarks of a view together, and ours."""
+"""The mappers on which each experiment of the thesis gives a verdict: the thesis to the letter, the
+one that localises by all tracked landmarks jointly, and ours."""
 MAPPERS = (*ALBOT1, "odometry")
-"""With the odometer alone beside them."""
+"""The same mappers, and the odometer alone."""
 EVERY_READING = {"view_spacing": 0.0, "view_turn": 0.0}
-"""The config of Albot1's mappers in the thesis's experiments: every reading is a view, for how far
-apart views are is part of an experiment."""
+"""The config of Albot1's mappers in the thesis's experiments: every reading is a view, because the
+distance between views is part of an experiment."""
 CHAPTER_3 = {"remembers_places": False, **EVERY_READING}
-"""That in experiments of chapter 3: no network of places either, which chapter 4 adds, and so no
-update that an exit forces."""
+"""The config in the experiments of chapter 3: also without the network of places, which chapter 4
+adds, and so without the updates that an exit forces."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,15 +42,15 @@ class MappedJourney:
     mapper: Mapper
     """The mapper after the last view."""
     poses: Poses
-    """(views, 3): where it believed to be at every view, in the map's frame."""
+    """(views, 3): the estimated pose at every view, in the map's frame."""
     home: Poses
-    """(views, 3): where it believed home to be, in the robot's frame at every view."""
+    """(views, 3): the believed pose of home, in the robot's frame at every view."""
     updates: Int64[np.ndarray, "views"]
-    """How often it had laid a view over its map, up to every view."""
+    """Number of views laid over the map up to each view."""
     watched: Int64[np.ndarray, "views"]
-    """What was asked of the mapper after every view; 0 where nothing was."""
+    """The value of `watch` after every view; 0 without `watch`."""
     surfaces: Mapping[int, Segments]
-    """Its surfaces at the views asked for and at the last one."""
+    """The map's surfaces at the requested views and at the last one."""
 
 
 def map_readings(
@@ -60,15 +60,15 @@ def map_readings(
     watch: Callable[[Mapper], int] = lambda _: 0,
     config: object = None,
 ) -> MappedJourney:
-    """Lead a fresh mapper through the readings.
+    """Run a new mapper on the readings.
 
     Args:
         name: The mapper's name.
-        readings: What the robot sensed, view by view.
-        snapshots: Views at which its surfaces are kept; they are at the last one anyway.
-        watch: Is asked about the mapper after every view.
-        config: The mapper's config, as `make_mapper` takes it; that of chapter 3 where none is
-            given to a mapper of Albot1.
+        readings: The readings, one for each view.
+        snapshots: Views at which the map's surfaces are kept, in addition to the last one.
+        watch: Called with the mapper after every view; its values are kept.
+        config: The mapper's config, as for `make_mapper`; by default, for a mapper of Albot1, that
+            of chapter 3.
     """
     if config is None and name in ALBOT1:
         config = CHAPTER_3
@@ -91,32 +91,32 @@ def map_readings(
 
 
 WITHIN = 0.2
-"""So near to a wall a surface is right, and a wall found (m): as far as the walls of the floors are
-thick."""
+"""A surface is right, and a wall is found, within this distance (m): the thickness of the floors'
+walls."""
 LEAST_PRECISION, LEAST_RECALL = 0.75, 0.5
-"""The shape is kept where so much of what a map remembers is right, and so much of what was seen
-is found, which is no more than half: the map is incomplete by intent…"""
+"""The shape is kept if at least this share of a map is right, and this share of the seen walls is
+found, which is only half because the map is incomplete by intent…"""
 LARGEST_PATH_ERROR = 1.0
-"""…and the believed path is off by no more (m): half the width of a corridor, so that it leads
-through the rooms that the robot went through."""
+"""…and if the estimated path is off by at most this (m): half the width of a corridor, so that the
+path leads through the rooms that the robot went through."""
 _SPACING = 0.1
-"""Walls and surfaces are sampled at points so far apart (m)."""
+"""Distance between the points at which walls and surfaces are sampled (m)."""
 _IN_VIEW = 0.15
-"""A wall is in view where a beam ends so near to it (m)."""
+"""A wall is in view if a beam ends within this distance of it (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walls:
-    """The walls of a floor as points, and which of them a robot has seen (m)."""
+    """The walls of a floor as points, and those of them that a robot has seen (m)."""
 
     all: Float64[np.ndarray, "walls 2"]
     """(n, 2): points along all walls."""
     seen: Float64[np.ndarray, "seen 2"]
-    """(n, 2): those of them at which beams ended."""
+    """(n, 2): the points of `all` at which beams ended."""
 
     @classmethod
     def of_journey(cls, walls: Segments, readings: Sequence[Reading], truth: Poses) -> Walls:
-        """Those of a journey whose readings were taken at the true poses `truth` (views, 3)."""
+        """Return the walls of a journey, given its readings and their true poses (views, 3)."""
         points = sample_segments(walls, _SPACING)
         lasers = [reading.required_laser("wall recall") for reading in readings]
         hits = scan_cloud(lasers, truth, _MOST_HITS)
@@ -129,28 +129,28 @@ _MOST_HITS = 400_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shape:
-    """How far a map is from the floor that it is a map of."""
+    """Measures of a map against the true floor."""
 
     frame: Pose
-    """The map's frame as a pose in the world's, under which the two paths agree best."""
+    """The map's frame as a pose in the world's, for which the two paths agree best."""
     precision: float
     """Share of the surfaces' length within WITHIN of a wall."""
     recall: float
     """Share of the length of the walls seen within WITHIN of a surface."""
     path_error: float
-    """Root of the mean squared distance from the believed to the true path (m; the ATE)."""
+    """Root mean squared distance of the estimated path from the true one (m; the ATE)."""
     surface_error: float
-    """Median distance from the surfaces to the true walls (m); infinite without surfaces. Nearly
-    blind: half of a map may be anywhere."""
+    """Median distance from the surfaces to the true walls (m); infinite without surfaces. It is
+    insensitive, because half of a map may be anywhere."""
 
 
 def shape_of(points: Points, poses: Poses, truth: Poses, walls: Walls) -> Shape:
     """Measure a map's shape.
 
     Args:
-        points: Points evenly along what the map remembers (`surface_points`), in its frame (m).
-        poses: (views, 3): where the robot believed to be, in the map's frame.
-        truth: (views, 3): where it was, in the world's.
+        points: Points evenly along the map's surfaces (`surface_points`), in the map's frame (m).
+        poses: (views, 3): the estimated poses, in the map's frame.
+        truth: (views, 3): the true poses, in the world's frame.
         walls: The true walls.
     """
     frame = align(poses[:, :2], truth[:, :2])
@@ -167,12 +167,12 @@ def shape_of(points: Points, poses: Poses, truth: Poses, walls: Walls) -> Shape:
 
 
 def surface_points(surfaces: Segments) -> Points:
-    """Points evenly along surfaces (m)."""
+    """Return points evenly along surfaces (m)."""
     return sample_segments(surfaces, _SPACING)
 
 
 def is_kept(shapes: Sequence[Shape]) -> bool:
-    """Whether the shape is kept in the median over the seeds."""
+    """Return whether the shape is kept in the median over the seeds."""
     precision, recall, path_error = (
         float(np.median([getattr(shape, name) for shape in shapes]))
         for name in ("precision", "recall", "path_error")
@@ -183,7 +183,7 @@ def is_kept(shapes: Sequence[Shape]) -> bool:
 
 
 def shape_figures(shapes: Sequence[Shape], before: str = "") -> dict[str, Figures]:
-    """What is reported of the shapes over the seeds, each name after `before`."""
+    """Return the reported figures of the shapes over the seeds, with `before` as prefix."""
     return {
         f"{before}wall_precision": median_and_worst([each.precision for each in shapes], 2, min),
         f"{before}wall_recall": median_and_worst([each.recall for each in shapes], 2, min),
@@ -194,7 +194,7 @@ def shape_figures(shapes: Sequence[Shape], before: str = "") -> dict[str, Figure
 def median_and_worst(
     values: Sequence[float], digits: int = 3, worst: Callable[[Sequence[float]], float] = max
 ) -> dict[str, float]:
-    """The two figures that are reported of a measure over the seeds; the worst is the largest."""
+    """Return the median and the worst of a measure over the seeds; `worst` selects the worst."""
     return {
         "median": round(float(np.median(values)), digits),
         "worst": round(float(worst(values)), digits),

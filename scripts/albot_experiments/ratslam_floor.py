@@ -27,7 +27,7 @@ PAPER = {"matches_the_floor": True, "multiple_overlap": True}
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Let the robot wander over the floor for 2.5 hours, once per seed.
+    """Run the robot over the floor for 2.5 hours, once per seed, and map its readings.
 
     Raises:
         InputError: No seeds.

@@ -29,7 +29,7 @@ POSITION_OR_HEADING = replace(
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Let the robot wander through the office for 15 minutes, once per seed.
+    """Run the robot through the office for 15 minutes, once per seed, and map its readings.
 
     Raises:
         InputError: No seeds.

@@ -42,7 +42,7 @@ _LEAST_LEG = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Wandering:
-    """Where a robot wanders, and for how long."""
+    """The world in which a robot wanders, and the duration."""
 
     world: str
     tour: str
@@ -50,12 +50,12 @@ class Wandering:
     minutes: int
 
     def run(self, seed: int) -> Run:
-        """Let the robot wander, and run the mapper on what it senses."""
+        """Simulate the robot, and run the mapper on its readings."""
         journey = self.journey(seed, self.minutes)
         return follow(journey.readings, journey.truth, CORRECTED)
 
     def journey(self, seed: int, minutes: int) -> Journey:
-        """Return what the robot senses in `minutes` minutes.
+        """Return the robot's readings and true poses over `minutes` minutes.
 
         The odometer is a Pioneer's. The scenes are the paper's: each number stands for two views,
         and some are missed or false.
@@ -111,7 +111,7 @@ def figures(runs: Sequence[Run]) -> dict[str, Figures]:
 
 
 def overlaps(runs: Sequence[Run]) -> bool:
-    """Return whether the median share of revisits within a metre is as large as asked."""
+    """Return whether the median share of revisits within a metre reaches ASKED_REVISITS."""
     return bool(np.median([run.revisits_within_a_metre for run in runs]) >= ASKED_REVISITS)
 
 
@@ -135,7 +135,7 @@ def seeds_short(
 
 
 def text() -> str:
-    """Return how all of these runs are measured, in Markdown."""
+    """Return a description of how all of these runs are measured, in Markdown."""
     return f"""
 The odometer is the preset `{ODOMETER}`, the scenes are the preset `{SCENE_SENSOR}`: places of 1 m
 seen in eight directions, each number that of two views far apart, 5 % of the looks missed and

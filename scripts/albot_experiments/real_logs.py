@@ -1,4 +1,4 @@
-"""The public logs of experiment 6, and what is known of the floors on which they were made."""
+"""The public logs of experiment 6, and the true paths and floors as far as known."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from albot_core.logs.wean import read_wean_map
 from albot_experiments.registry import data_folder
 
 _MOST = 200_000
-"""Points of a reference map."""
+"""Number of points of a reference map."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,11 @@ class RealLog:
     name: str
     log: str
     reference: str = ""
-    """Corrected poses; without, the log holds them itself, or there are none."""
+    """File of corrected poses; if empty, the log holds them itself, or there are none."""
     relations: str = ""
-    """True relations between poses."""
+    """File of true relations between poses."""
     floor: str = ""
-    """A map of the building, where no corrected poses are known."""
+    """File of a map of the building, if no corrected poses are known."""
 
 
 LOGS = (
@@ -55,24 +55,23 @@ LOGS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownLog:
-    """A log and what is known of the truth."""
+    """A log and its ground truth, as far as known."""
 
     log: Log
     truth: Trajectory | None
-    """Where the robot was."""
+    """The robot's true poses."""
     relations: Relations | None
     floor: Points
-    """(n, 2): points of the walls: of the building's map, or where the scans lay them from where
-    the robot was."""
+    """(n, 2): points of the walls, from the building's map or from the scans at the true poses."""
 
     def frame_of(self, believed: Trajectory, surfaces: Segments) -> Pose:
-        """The map's frame on the floor: by the two paths, or by how the map fits the walls."""
+        """Return the pose of the map's frame on the floor, by the two paths or by the walls."""
         frame = None if self.truth is None else alignment(believed, self.truth)
         return register(sample_segments(surfaces, 0.2), self.floor) if frame is None else frame
 
 
 def read_real_log(real: RealLog) -> KnownLog:
-    """Read a log and what is known of it.
+    """Read a log and its ground truth, as far as known.
 
     Raises:
         InputError: There is no folder of data, or a file is missing or damaged.
@@ -89,7 +88,7 @@ def read_real_log(real: RealLog) -> KnownLog:
 
 
 def _laid(log: Log, truth: Trajectory | None) -> Points:
-    """The points of the scans, laid where the robot truly was."""
+    """Return the points of the scans, placed by the robot's true poses."""
     if truth is None:
         raise InputError(log.name, "corrected poses, or a map of the building", "neither")
     pairs = pair_moments(truth.stamps, log.stamps)

@@ -14,8 +14,8 @@ from albot_experiments.report import Report
 VARIABLE = "ALBOT_DATA"
 """The environment variable that names the folder with the logs."""
 FIRST_SEED = 1000
-"""Reports begin with this seed. Those below are for development: what was chosen by looking at
-them is not reported on them."""
+"""The first seed of the reports. Lower seeds are for development: parameters chosen by results on
+seeds are not reported on the same seeds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,24 +25,24 @@ class Experiment:
     id: str
     title: str
     seeds: int
-    """How many seeds it runs over unless told otherwise."""
+    """Default number of seeds."""
     module: str
-    """Where its `run(seeds, progress)` stands."""
+    """The module with its `run(seeds, progress)`."""
     needs_data: bool = False
     """Whether it reads real logs."""
 
     def check(self) -> None:
-        """Raise InputError where what the experiment needs is not there."""
+        """Raise InputError if the data that the experiment needs are not there."""
         if self.needs_data:
             data_folder()
 
     @property
     def default_seeds(self) -> range:
-        """The seeds that it runs over unless told otherwise."""
+        """The seeds over which the experiment runs by default."""
         return range(FIRST_SEED, FIRST_SEED + self.seeds)
 
     def run(self, seeds: range, progress: Callable[[int], None]) -> Report:
-        """Run it over the seeds, telling `progress` how many are done."""
+        """Run the experiment over the seeds; call `progress` with the number of seeds done."""
         report: Report = importlib.import_module(self.module).run(seeds, progress)
         return report
 
@@ -179,14 +179,14 @@ EXPERIMENTS = {
 ABLATED = tuple(
     name for name in EXPERIMENTS if name.startswith("albot1-") and name != "albot1-readings"
 )
-"""The experiments that tell Albot1's mappers apart, for the ablation table."""
+"""The experiments that compare Albot1's mappers, for the ablation table."""
 
 
 def find_experiment(name: str) -> Experiment:
-    """The experiment of that name.
+    """Return the experiment of a name.
 
     Raises:
-        InputError: There is none.
+        InputError: There is no such experiment.
     """
     if name in EXPERIMENTS:
         return EXPERIMENTS[name]
@@ -195,10 +195,10 @@ def find_experiment(name: str) -> Experiment:
 
 
 def data_folder() -> Path:
-    """The folder with the real logs.
+    """Return the folder with the real logs.
 
     Raises:
-        InputError: The environment names none.
+        InputError: The environment variable is not set, or the folder lacks the logs.
     """
     named = os.environ.get(VARIABLE)
     if not named:

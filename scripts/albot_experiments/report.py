@@ -1,4 +1,4 @@
-"""What an experiment reports, the folder that it is written to, and the page over all reports."""
+"""The report of an experiment, the folder to which it is written, and the page of all reports."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Scalar: TypeAlias = float | int | bool | str | None
-"""A figure; None where it is not known."""
+"""A figure; None if it is not known."""
 Figures: TypeAlias = "Scalar | Mapping[str, Figures]"
-"""What a report can hold."""
+"""The values that a report can hold."""
 
 _COLOURS = 48
-"""How many colours a picture has."""
+"""Number of colours of a picture."""
 COMMAND = "albot experiment run all --out docs/experiments --force"
-"""What writes the page over all reports."""
+"""The command that writes the page of all reports."""
 REPORT_FILES = ("result.json", "report.md")
 """The files of every report; pictures are beside them."""
 _NEEDED: dict[str, Any] = {
@@ -47,22 +47,22 @@ class Report:
     title: str
     """One line: which experiment of which paper."""
     paper: Mapping[str, Figures]
-    """What the paper reports."""
+    """The figures of the paper."""
     measured: Mapping[str, Figures]
-    """What was measured here, under the paper's names where there are any."""
+    """The figures measured here, under the paper's names if there are any."""
     holds: bool
-    """Whether what the paper reports was reached."""
+    """Whether the paper's result was reached."""
     verdicts: Mapping[str, bool] = field(default_factory=dict)
-    """The same for each mapper on which a verdict is given."""
+    """The same verdict for each mapper that is judged."""
     compared: Mapping[str, Mapping[str, Scalar]] = field(default_factory=dict)
-    """The figures by which the mappers are told apart, each by mapper (see `compared`)."""
+    """The figures by which the mappers are compared, each by mapper (see `compared`)."""
     text: str = ""
-    """How it was done, in Markdown."""
+    """A description of the method, in Markdown."""
     pictures: Mapping[str, Figure] = field(default_factory=dict)
     """Pictures by file name without ending."""
 
     def as_json(self) -> dict[str, object]:
-        """The report as the command prints it."""
+        """Return the report as the command prints it."""
         return {
             "id": self.id,
             "paper": _in_json(self.paper),
@@ -73,7 +73,7 @@ class Report:
         }
 
     def as_markdown(self) -> str:
-        """The report for reading, with its pictures."""
+        """Return the report in Markdown, with its pictures."""
         lines = [f"# {self.id}: {self.title}", "", self.text.strip(), ""]
         lines += self.table()
         for table in self._tables:
@@ -87,14 +87,14 @@ class Report:
         return "\n".join(lines)
 
     def verdict_lines(self) -> list[str]:
-        """What was reached, by mapper where several are judged."""
+        """Return the verdict as lines, by mapper if several are judged."""
         if not self.verdicts:
             return ["Reached." if self.holds else "Not reached."]
         lines = [f"- `{name}`: {_verdict(reached)}" for name, reached in self.verdicts.items()]
         return ["Reached, by mapper:", "", *lines]
 
     def table(self) -> list[str]:
-        """The paper's figures beside those measured, but for groups of them, in Markdown."""
+        """Return the paper's figures beside those measured, without groups, in Markdown."""
         paper, measured = dict(rows(self.paper)), dict(rows(self._alone))
         return [
             "| | paper | measured |",
@@ -107,7 +107,7 @@ class Report:
 
     @property
     def _alone(self) -> dict[str, Figures]:
-        """What was measured that is no row of a table."""
+        """The measured figures that are not part of a table."""
         return {
             name: value
             for name, value in self.measured.items()
@@ -116,7 +116,7 @@ class Report:
 
     @property
     def _tables(self) -> list[dict[str, Mapping[str, Figures]]]:
-        """The groups of figures; those with the same names make one table, a row each."""
+        """The groups of figures; groups with the same names are the rows of one table."""
         tables: dict[tuple[str, ...], dict[str, Mapping[str, Figures]]] = {}
         for name, value in self.measured.items():
             if isinstance(value, Mapping) and not _is_spread(value):
@@ -139,9 +139,9 @@ class Report:
 
 
 def rows(figures: Mapping[str, Figures]) -> list[tuple[str, Scalar]]:
-    """The figures one by one; one within others is named after them too: `ring, error_m`.
+    """Return the figures one by one; one inside a group has the group's name too: `ring, error_m`.
 
-    A median with its worst is one figure.
+    A median with its worst value is one figure.
     """
     found: list[tuple[str, Scalar]] = []
     for name, value in figures.items():
@@ -156,7 +156,7 @@ def rows(figures: Mapping[str, Figures]) -> list[tuple[str, Scalar]]:
 
 
 def _in_json(figures: Figures) -> object:
-    """The same in JSON, which has no infinity and no NaN: such a figure is not known."""
+    """Return the figures for JSON, which has no infinity and no NaN: such a figure becomes None."""
     if isinstance(figures, Mapping):
         return {name: _in_json(value) for name, value in figures.items()}
     return None if isinstance(figures, float) and not math.isfinite(figures) else figures
@@ -173,7 +173,7 @@ def _verdict(reached: bool) -> str:
 def compared(
     measured: Mapping[str, Figures], mappers: Sequence[str], names: Sequence[str]
 ) -> dict[str, dict[str, Scalar]]:
-    """Some figures of groups that are called after mappers, each by mapper."""
+    """Return some figures of the groups named after mappers, each by mapper."""
     found: dict[str, dict[str, Scalar]] = {}
     for mapper in mappers:
         group = measured[mapper]
@@ -184,12 +184,12 @@ def compared(
 
 
 def key(name: str) -> str:
-    """A mapper's name as part of a figure's."""
+    """Return a mapper's name in the form used in a figure's name."""
     return name.replace("-", "_")
 
 
 def cell(value: Scalar) -> str:
-    """A figure for reading; a dash where there is none."""
+    """Return a figure as text; a dash if it is unknown."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
     if isinstance(value, bool):
@@ -198,7 +198,7 @@ def cell(value: Scalar) -> str:
 
 
 def _small_png(figure: Figure) -> bytes:
-    """The figure as a PNG of few colours, a third the size of one of many."""
+    """Return the figure as a PNG with few colours, a third of the usual size."""
     from PIL import Image  # slow to load, as all that draws
 
     drawn, packed = BytesIO(), BytesIO()
@@ -211,7 +211,7 @@ def _small_png(figure: Figure) -> bytes:
 
 
 def read_report(folder: Path) -> Report:
-    """What `Report.write` wrote, to make the page of: without its text, the pictures empty.
+    """Read a report that `Report.write` wrote, for the page: without its text, the pictures empty.
 
     Raises:
         InputError: The folder holds no report, or a damaged one.
@@ -238,19 +238,19 @@ def read_report(folder: Path) -> Report:
 
 
 def write_index(reports: Sequence[Report], folder: Path) -> Path:
-    """Write the page over the reports that stand in `folder`, each in a folder of its name."""
+    """Write the page of the reports that stand in `folder`, each in a folder of its name."""
     page = index_path(folder)
     write_text(page, index(reports, folder.name))
     return page
 
 
 def index_path(folder: Path) -> Path:
-    """The page beside a folder that is called after it: `experiments.md` over `experiments/`."""
+    """Return the page beside a folder with the same name: `experiments.md` for `experiments/`."""
     return folder.with_name(f"{folder.name}.md")
 
 
 def index(reports: Sequence[Report], folder: str) -> str:
-    """The page in Markdown; links lead into `folder`."""
+    """Return the page in Markdown; its links lead into `folder`."""
     lines = [
         "# The papers' experiments",
         "",
@@ -281,15 +281,15 @@ def index(reports: Sequence[Report], folder: str) -> str:
 
 
 ABLATION_COMMAND = "albot experiment ablation docs/experiments --force"
-"""What writes the ablation table."""
+"""The command that writes the ablation table."""
 
 
 def ablation(reports: Sequence[Report], folder: str) -> str:
-    """The figures by which mappers are told apart, over all experiments, in Markdown.
+    """Return the figures by which mappers are compared, over all experiments, in Markdown.
 
     Args:
         reports: Reports with `compared` figures; others are left out.
-        folder: Where they stand, for links.
+        folder: The reports' folder, for links.
     """
     told = [report for report in reports if report.compared]
     rows_of = [by_mapper for report in told for by_mapper in report.compared.values()]
@@ -322,7 +322,7 @@ def ablation(reports: Sequence[Report], folder: str) -> str:
 
 
 def each_seed(seeds: range, progress: Callable[[int], None]) -> Iterator[int]:
-    """The seeds one after the other; `progress` is told how many are done.
+    """Yield the seeds one after the other; call `progress` with the number of seeds done.
 
     Raises:
         InputError: No seeds.

@@ -1,4 +1,4 @@
-"""What experiments 4 and 5 share: a long drive that comes back over known ground."""
+"""The common part of experiments 4 and 5: a long drive that returns over known ground."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ if TYPE_CHECKING:
 
 WORLD, TOUR = "office-ring", "revisit"
 HOME_ROOM = "P1"
-"""The room in which the tour begins. To come back into it is to revisit."""
+"""The room in which the tour begins. Entering it again is revisiting."""
 CORRIDOR = "P3"
-"""A corridor with two side walls only."""
+"""A corridor with only two side walls."""
 CORRIDOR_OFF = 0.1
-"""The believed length of the corridor may be wrong by this share."""
+"""Maximum error of the believed length of the corridor, as a share."""
 _OCCUPIED = 0.5
-"""A cell of a grid is a wall from this probability on."""
+"""Probability from which on a cell of a grid is a wall."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spacing:
-    """How far apart the views of a log are."""
+    """The distance between the views of a log."""
 
     distance: float
-    """Way from view to view (m)."""
+    """Distance between two views (m)."""
     turn: float
-    """Or the turn, whichever comes first (rad)."""
+    """Turn between two views (rad); whichever comes first makes a view."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,37 +61,38 @@ class Drive:
     """A mapper on one drive, and its map's shape before revisiting and at the end."""
 
     poses: Poses
-    """(views, 3): where it believed to be, in the map's frame; by what it knows at the end."""
+    """(views, 3): the estimated poses, in the map's frame, as corrected at the end."""
     updates: int
-    """How often it has changed its map by a view."""
+    """Number of updates of the map."""
     before: int
     """The last view before the robot comes back into the room in which it began."""
     surfaces: Mapping[int, Segments]
-    """What it remembers, by view; nothing for a mapper with a grid."""
+    """The map's surfaces, by view; empty for a mapper with a grid."""
     cells: Points
     """(n, 2): the occupied cells of a mapper with a grid, at the end (m)."""
     shape_before: Shape | None
-    """None for a mapper with a grid, whose map is measured at the end alone."""
+    """The shape before revisiting; None for a mapper with a grid, measured only at the end."""
     shape_after: Shape
     corridor: float | None
-    """Believed over true length of the first way through the bare corridor; None without."""
+    """Ratio of believed to true length of the first way through the bare corridor; None without
+    it."""
 
     @property
     def update_share(self) -> float:
-        """Updates for each view."""
+        """The number of updates for each view."""
         return self.updates / len(self.poses)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RevisitingExperiment:
-    """What sets one such experiment apart from another."""
+    """The parameters of one such experiment."""
 
     id: str
     title: str
     paper: Mapping[str, Figures]
     """The thesis's figures."""
     most_updates: float
-    """The map is to be updated at no larger share of the views."""
+    """Maximum number of updates, as a share of the views."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,12 +101,12 @@ class Drives:
 
     world: World
     journeys: tuple[Journey, ...]
-    """One for each seed."""
+    """The journeys, one for each seed."""
     by_mapper: Mapping[str, tuple[Drive, ...]]
-    """A drive for each seed."""
+    """The drives of each mapper, one for each seed."""
 
     def keeps_shape(self, name: str) -> bool:
-        """Whether a mapper's shape is kept, in the median, before revisiting and after."""
+        """Return whether a mapper's shape is kept, in the median, before revisiting and after."""
         drives = self.by_mapper[name]
         before = [drive.shape_before for drive in drives if drive.shape_before is not None]
         lengths = [drive.corridor for drive in drives if drive.corridor is not None]
@@ -114,11 +115,11 @@ class Drives:
         return bool(is_long and after and (not before or is_kept(before)))
 
     def update_share(self, name: str) -> float:
-        """A mapper's updates for each view; the median."""
+        """Return a mapper's number of updates for each view, the median."""
         return float(np.median([drive.update_share for drive in self.by_mapper[name]]))
 
     def figures(self) -> dict[str, Figures]:
-        """What is reported, under the paper's names where it has any."""
+        """Return the reported figures, under the paper's names where it has any."""
         ours = self.by_mapper["albot1"]
         measured: dict[str, Figures] = {
             "path_m": round(float(np.median([each.path_length for each in self.journeys])), 1),
@@ -132,7 +133,7 @@ class Drives:
         return measured | {name: self.figures_of(name) for name in self.by_mapper}
 
     def figures_of(self, name: str) -> dict[str, Figures]:
-        """The figures of one mapper."""
+        """Return the figures of one mapper."""
         drives = self.by_mapper[name]
         before = [drive.shape_before for drive in drives if drive.shape_before is not None]
         return {
@@ -145,12 +146,12 @@ class Drives:
         }
 
     def corridor_length(self, name: str) -> float | None:
-        """Believed over true length of the bare corridor; the median."""
+        """Return the ratio of believed to true length of the bare corridor, the median."""
         lengths = [drive.corridor for drive in self.by_mapper[name] if drive.corridor is not None]
         return round(float(np.median(lengths)), 2) if lengths else None
 
     def picture(self) -> Figure:
-        """Each mapper's map before and after, of the seed with albot1's median error."""
+        """Draw each mapper's map before and after, for the seed with albot1's median error."""
         from matplotlib.figure import Figure
 
         errors = [drive.shape_after.path_error for drive in self.by_mapper["albot1"]]
@@ -171,7 +172,7 @@ class Drives:
         axes.set_title(f"path {shape.path_error:.2f} m off")
 
     def grid_picture(self, names: Sequence[str]) -> Figure:
-        """The maps of mappers with grids at the end, of the first seed."""
+        """Draw the maps of mappers with grids at the end, for the first seed."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(4.4 * len(names), 4.9), layout="constrained")
@@ -184,7 +185,7 @@ class Drives:
 
 
 def reached(drives: Drives, experiment: RevisitingExperiment) -> dict[str, bool]:
-    """For each of Albot1's mappers, whether it keeps the shape with few enough updates."""
+    """Return whether each of Albot1's mappers keeps the shape with few enough updates."""
     return {
         name: drives.keeps_shape(name) and drives.update_share(name) <= experiment.most_updates
         for name in ALBOT1
@@ -192,7 +193,7 @@ def reached(drives: Drives, experiment: RevisitingExperiment) -> dict[str, bool]
 
 
 def report_on(experiment: RevisitingExperiment, drives: Drives, text: str) -> Report:
-    """The report on the shape that each mapper's map has."""
+    """Return the report on the shape of each mapper's map."""
     verdicts = reached(drives, experiment)
     measured = drives.figures()
     return Report(
@@ -218,7 +219,7 @@ def drive(
     progress: Callable[[int], None],
     names: Sequence[str] = MAPPERS,
 ) -> Drives:
-    """Drive the tour, once a seed, and map it with every mapper.
+    """Drive the tour, once per seed, and map it with every mapper.
 
     Raises:
         InputError: No seeds.
@@ -240,7 +241,7 @@ def drive(
 
 
 def map_drive(name: str, world: World, journey: Journey, config: object = None) -> Drive:
-    """Map a drive and measure the shape before revisiting and at the end."""
+    """Map a drive, and measure the shape before revisiting and at the end."""
     before, last = before_revisiting(world, journey), len(journey.readings) - 1
     mapped = map_readings(name, journey.readings, [before], config=config)
     poses = final_poses(mapped.mapper, mapped.poses)
@@ -264,18 +265,21 @@ def map_drive(name: str, world: World, journey: Journey, config: object = None) 
 
 
 def final_poses(mapper: Mapper, believed: Poses) -> Poses:
-    """The poses as corrected at the end, by a mapper that corrects them; else as believed then."""
+    """Return the poses corrected at the end, if the mapper corrects them; else those believed."""
     return mapper.corrected_poses() if isinstance(mapper, CorrectedTrajectory) else believed
 
 
 def occupied_cells(mapper: Mapper) -> Points:
-    """(n, 2): the occupied cells of a mapper's grid (m); none without a grid."""
+    """Return the occupied cells of a mapper's grid, (n, 2) (m); none without a grid."""
     grid = mapper.snapshot().layer(OccupancyGridLayer)
     return np.empty((0, 2)) if grid is None else grid.centres(_OCCUPIED)
 
 
 def corridor_length(world: World, journey: Journey, poses: Poses) -> float | None:
-    """Believed over true length of the first way through the bare corridor; None without."""
+    """Return the ratio of believed to true length of the first way through the bare corridor.
+
+    None if there is no such way.
+    """
     inside = np.array([world.room_at(x, y) == CORRIDOR for x, y in journey.truth[:, :2]])
     if not inside.any():
         return None
@@ -286,14 +290,14 @@ def corridor_length(world: World, journey: Journey, poses: Poses) -> float | Non
 
 
 def before_revisiting(world: World, journey: Journey) -> int:
-    """The last view before the robot comes back into the room that it began in."""
+    """Return the last view before the robot returns into the room in which it began."""
     inside = np.array([world.room_at(x, y) == HOME_ROOM for x, y in journey.truth[:, :2]])
     back = np.flatnonzero(~inside[:-1] & inside[1:])
     return int(back[0]) if len(back) else len(inside) - 1
 
 
 def criterion(seeds: range, most_updates: float) -> str:
-    """How the shape is judged, for the reports."""
+    """Return the criterion for the shape, as text for the reports."""
     return f"""\
 The map is laid on the floor by the rigid motion that brings the believed path nearest to the true
 one. *Before* is the last view before the robot comes back into the room in which it began,

@@ -26,29 +26,29 @@ from albot_env.sim.sonar import SonarConfig
 from albot_maps.world import World
 
 _ARRIVED = 0.15
-"""A waypoint is passed when it is this near (m)."""
+"""A waypoint is reached within this distance (m)."""
 _STEERING = 3.0
-"""Turn rate for each radian that the robot heads past the waypoint (1/s)."""
+"""Turn rate for each radian between the robot's heading and the waypoint's direction (1/s)."""
 _TURN_FIRST = np.radians(45.0)
-"""With a waypoint farther than this to the side the robot turns on the spot (rad)."""
+"""If a waypoint is farther than this to the side, the robot turns on the spot (rad)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Journey:
-    """What a robot sensed on a journey, and where it truly was."""
+    """A robot's readings on a journey, and its true poses."""
 
     readings: tuple[Reading, ...]
-    """One reading a view."""
+    """The readings, one for each view."""
     truth: Poses
     """(views, 3): the true pose at every reading, in the world frame."""
 
     @property
     def path_length(self) -> float:
-        """Length of the way from view to view (m)."""
+        """The length of the path from view to view (m)."""
         return float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
 
     def nearest_view(self, place: Points) -> int:
-        """Which view was taken nearest to a place of the world (m)."""
+        """Return the view that was taken nearest to a point of the world (m)."""
         return int(np.hypot(*(self.truth[:, :2] - place).T).argmin())
 
 
@@ -62,10 +62,10 @@ def guided_tour(
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
 ) -> Journey:
-    """Guide a robot, with sonars if any are given, through the waypoints; return what it saw.
+    """Guide a robot, with sonars if any are given, through the waypoints; return the journey.
 
-    The guide sees where the robot truly is, so that the odometer's errors do not change the
-    way. Every leg begins with a turn towards its end, and both are cut into equal steps.
+    The guide knows the robot's true pose, so the odometer's errors do not change the path. Every
+    leg begins with a turn towards its end; the turn and the way are cut into equal steps.
 
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
@@ -83,14 +83,14 @@ def lead(
     rng: np.random.Generator,
     go_to: Callable[[Points], Iterable[Reading]],
 ) -> Journey:
-    """Lead a simulated robot through the waypoints and return what it saw.
+    """Lead a simulated robot through the waypoints; return the journey.
 
     Args:
         simulator: The robot, in `world`.
         world: The world.
-        waypoints: Where it is led; it sets out from the first, facing the second (m).
-        rng: Where its sensors' errors come from.
-        go_to: Takes it to a waypoint, a reading at a time.
+        waypoints: The waypoints (m); the robot begins at the first, facing the second.
+        rng: Generator of the sensors' errors.
+        go_to: Moves the robot to a waypoint and yields its readings.
 
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
@@ -107,25 +107,25 @@ def lead(
 
 
 def first_pose(waypoints: Points) -> Pose:
-    """At the first waypoint, facing the second."""
+    """Return the pose at the first waypoint, facing the second."""
     first = waypoints[1] - waypoints[0]
     return np.array([*waypoints[0], math.atan2(first[1], first[0])])
 
 
 def true_motions(journey: Journey) -> Poses:
-    """(views, 3): the true pose at every view seen from the one before; the first is 0."""
+    """Return the true motion to every view from the previous one, (views, 3); the first is 0."""
     before = np.concatenate((journey.truth[:1], journey.truth[:-1]))
     return relative(before, journey.truth)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Driving:
-    """How the robot is driven. The thesis's was led by the arrow keys of its laptop."""
+    """Speeds at which the robot is driven. The thesis's was driven by a laptop's arrow keys."""
 
     speed: float = 0.5
     """Speed straight on (m/s)."""
     turn_rate: float = np.radians(30.0)
-    """Fastest turn (rad/s)."""
+    """Maximum turn rate (rad/s)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "speed", "turn_rate")
@@ -141,12 +141,10 @@ def driven_tour(
     sonar: SonarConfig | None = None,
     scenes: SceneConfig | None = None,
 ) -> Journey:
-    """Drive a robot through the waypoints; a reading every 0.1 s.
+    """Drive a robot through the waypoints, with a reading every 0.1 s; return the journey.
 
-    It has sonars and scenes if any are given.
-
-    The guide sees where the robot truly is, so that the odometer's errors do not change the
-    way.
+    The robot has sonars and scenes if any are given. The guide knows the robot's true pose, so the
+    odometer's errors do not change the path.
 
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
@@ -156,7 +154,7 @@ def driven_tour(
 
 
 def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Iterator[Reading]:
-    """Head for the waypoint until it is reached; one reading a control step."""
+    """Drive to the waypoint; yield one reading for each control step."""
     while np.hypot(*(to := waypoint - simulator.pose[:2])) > _ARRIVED:
         aside = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))
         forwards = max(0.0, 1.0 - abs(aside) / _TURN_FIRST)
@@ -165,10 +163,10 @@ def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Itera
 
 
 def thinned_views(journey: Journey, spacing: float, turn: float) -> Journey:
-    """The journey as a log that holds a view every `spacing` or `turn`.
+    """Return the journey with only one view every `spacing` or `turn`.
 
-    A view is kept once the odometer says that the robot has moved so far (m), or turned so much
-    (rad), since the last one kept.
+    A view is kept once the odometer reports that the robot has moved this far (m), or turned this
+    much (rad), since the last kept view.
     """
     readings, kept = [journey.readings[0]], [0]
     since = np.zeros(3)

@@ -1,1 +1,1 @@
-"""Programs for developers, which try to break the project: `python -m albot_reliability`."""
+"""Programs for developers that try to break the project: `python -m albot_reliability`."""

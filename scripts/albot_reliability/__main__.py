@@ -1,4 +1,4 @@
-"""`python -m albot_reliability`: the page of what was tried, and digests of all that comes out."""
+"""`python -m albot_reliability`: the page on reliability, and digests of all results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PROGRAMS = {
 
 @click.group(cls=LazyGroup, package="albot_reliability", summaries=PROGRAMS)
 def main() -> None:
-    """Programs for developers, run in the project's folder."""
+    """Run a program for developers; call it in the project's folder."""
 
 
 if __name__ == "__main__":

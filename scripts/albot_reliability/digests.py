@@ -3,10 +3,10 @@
     python -m albot_reliability digests write FILE [--part envs|logs|experiments]...
     python -m albot_reliability digests compare FILE [--part envs|logs|experiments]...
 
-`write` runs environments, logs and experiments, and writes a digest of each thing that came out,
-by name; `compare` runs them again and prints the names whose digests differ. Everything is reached
-as users reach it, by gymnasium and by the `albot` command, so that code can be moved about in
-between. Digests hold to the last bit: compare on the machine that wrote them.
+`write` runs environments, logs and experiments, and writes a digest of each result, by name;
+`compare` runs them again and prints the names whose digests differ. Everything is run as users run
+it, by gymnasium and by the `albot` command, so that code can be moved in between. Digests are exact
+to the last bit: compare on the machine that wrote them.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ OTHER_SENSORS = {
     "scenes": "ambiguous",
 }
 KEPT = {"journeys": 2}
-"""Outward journeys, or tours, that robots share; single environments make a new one each time."""
+"""Number of outward journeys, or tours, that robots share; single environments make a new one each
+time."""
 LOGS: dict[str, tuple[str, ...]] = {
     "intel_raw.json.gz": (
         "--reference=intel_reference.json.gz",
@@ -60,21 +61,21 @@ LOGS: dict[str, tuple[str, ...]] = {
     "wean_robotdata2.log.xz": (),
     "duke_loop5.log.xz": (),
 }
-"""The logs, and what is known of them, by their files' names."""
+"""The logs and their options of ground truth, by the logs' file names."""
 VARYING = ("seconds", "scans_per_second", "files")
-"""What `albot map` tells that is no outcome: times, and where its files are."""
+"""Figures of `albot map` that are no results: times, and the paths of its files."""
 EXPERIMENT_SEEDS = 2
-"""How many seeds an experiment has."""
+"""Number of seeds of an experiment."""
 ROBOTS = 6
-"""Robots in a batch."""
+"""Number of robots in a batch."""
 STEPS = 800
-"""Steps after a reset from outside, of which each environment has two…"""
+"""Number of steps after a manual reset, of which each environment has two…"""
 ARRIVALS = 30
-"""…and where a step is an arrival of a tour."""
+"""…and the number in tasks in which a step is an arrival of a tour."""
 LIMIT = 500
-"""Steps after which an episode is truncated, so that some begin by themselves."""
+"""Number of steps after which an episode is truncated, so that some begin automatically."""
 SPELL = 12
-"""Steps for which a robot drives the same way."""
+"""Number of steps for which a robot drives in the same way."""
 SEED = 7
 
 
@@ -85,9 +86,9 @@ class Digests:
         self.found: dict[str, str] = {}
 
     def add(self, name: str, value: Any) -> None:
-        """Add a value; the parts of a mapping go under names of their own.
+        """Add a value; the values of a mapping are added under separate names.
 
-        A batch's masks (`_room` beside `room`) go with what they are of.
+        A batch's masks (`_room` beside `room`) are added to the values that they belong to.
         """
         if isinstance(value, Mapping):
             for key, part in value.items():
@@ -97,19 +98,19 @@ class Digests:
         self.found[name] = hashlib.sha256(before.encode() + as_bytes(value)).hexdigest()
 
     def add_figures(self, name: str, figures: Mapping[str, Any]) -> None:
-        """Add figures that a command has printed, each under its name."""
+        """Add the figures that a command has printed, each under its name."""
         for key, figure in figures.items():
             self.add(f"{name}/{key}", json.dumps(figure))
 
     def add_files(self, name: str, folder: Path) -> None:
-        """Add the files of a folder, but for pictures, each under its name."""
+        """Add the files of a folder, except pictures, each under its name."""
         for path in sorted(folder.iterdir()):
             if path.suffix != ".png":
                 self.add(f"{name}/{path.name}", path.read_bytes())
 
 
 def as_bytes(value: Any) -> bytes:
-    """A value as bytes: of numbers their kind, shape and content."""
+    """Return a value as bytes; for numbers these include dtype, shape and content."""
     if value is None or isinstance(value, str):
         return str(value).encode()
     if isinstance(value, bytes):
@@ -130,15 +131,15 @@ class Run:
     name: str
     task: str
     robots: int | None
-    """How many in a batch; None for a single environment."""
+    """Number of robots in a batch; None for a single environment."""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """What it is made with."""
+    """The arguments with which the environment is made."""
     says: float = 0.002
-    """How likely a step is one whose further number declares or claims something."""
+    """Probability that in a step the action's third number declares or claims something."""
 
 
 def environment_runs() -> Iterator[Run]:
-    """All environments, single and batched, each with all mappers; and some otherwise equipped."""
+    """Yield all environments, single and batched, with all mappers, and some with other sensors."""
     for task in TASKS:
         kept: dict[str, Any] = KEPT if task in ("Homing-v0", "PlaceRecognition-v0") else {}
         if task == "Explore-v0":
@@ -174,13 +175,13 @@ def environment_runs() -> Iterator[Run]:
 
 
 def environments(digests: Digests, _: Path) -> None:
-    """Drive all environments; digest what they show, reward, end with and tell, each by itself."""
+    """Drive all environments; digest observations, rewards, ends and infos, each separately."""
     for run in environment_runs():
         with_progress(f"envs/{run.name}", drive, run, digests)
 
 
 def drive(run: Run, digests: Digests) -> None:
-    """Drive one environment, or a batch, through two resets from outside."""
+    """Drive one environment, or a batch, through two manual resets."""
     name, task = f"envs/{run.name}", f"Albot/{run.task}"
     settings: dict[str, Any] = {"max_episode_steps": LIMIT, **run.settings}
     robots = run.robots or 1
@@ -218,10 +219,10 @@ def drive(run: Run, digests: Digests) -> None:
 def draw_actions(
     rng: np.random.Generator, space: Any, shape: tuple[int, int], says: float
 ) -> np.ndarray:
-    """Actions for so many steps and robots, drawn without a look at what they lead to.
+    """Return actions for a number of steps and robots, drawn independently of their effects.
 
-    Robots drive on in wide curves for a spell, or now and then back in a narrow one. By number
-    the first actions are the likelier, which drive ahead.
+    Robots drive in wide curves for a spell, and sometimes backwards in a narrow one. Of discrete
+    actions the first ones, which drive forward, are the likelier.
     """
     if isinstance(space, gymnasium.spaces.Discrete):
         return np.asarray(space.n * rng.random(shape) ** 2, np.int64)
@@ -238,14 +239,14 @@ def draw_actions(
 
 
 def logs(digests: Digests, data: Path) -> None:
-    """Lead the mappers through the logs; digest their figures and files."""
+    """Run the mappers on the logs; add their figures and files to the digests."""
     for log in LOGS:
         for mapper in LOG_MAPPERS:
             with_progress(f"logs/{log}/{mapper}", map_log, log, mapper, data / "logs", digests)
 
 
 def map_log(log: str, mapper: str, folder: Path, digests: Digests) -> None:
-    """Lead one mapper through one log."""
+    """Run one mapper on one log."""
     known = [option.replace("=", f"={folder}{os.sep}") for option in LOGS[log]]
     name = f"logs/{log}/{mapper}"
     with tempfile.TemporaryDirectory() as out:
@@ -256,7 +257,7 @@ def map_log(log: str, mapper: str, folder: Path, digests: Digests) -> None:
 
 
 def experiments(digests: Digests, data: Path) -> None:
-    """Repeat the experiments; digest what they measure, and their files."""
+    """Repeat the experiments; add their figures and files to the digests."""
     for entry in albot("experiment", "list")["experiments"]:
         name = entry["id"]
         with_progress(f"experiments/{name}", repeat, name, data, digests)
@@ -274,10 +275,10 @@ def repeat(experiment: str, data: Path, digests: Digests) -> None:
 
 
 def albot(*arguments: str, data: Path | None = None) -> dict[str, Any]:
-    """What the command prints as JSON.
+    """Return the JSON output of the command.
 
     Raises:
-        click.ClickException: It fails.
+        click.ClickException: The command fails.
     """
     command = Path(sys.executable).with_name("albot")
     around = os.environ | ({} if data is None else {"ALBOT_DATA": str(data)})
@@ -292,7 +293,7 @@ def albot(*arguments: str, data: Path | None = None) -> dict[str, Any]:
 
 
 def with_progress(name: str, run: Callable[..., None], *arguments: Any) -> None:
-    """Run something, and say how long it took."""
+    """Run a function, and print its duration."""
     begin = time.perf_counter()
     run(*arguments)
     click.echo(f"{time.perf_counter() - begin:6.1f} s  {name}", err=True)
@@ -364,11 +365,11 @@ def run_parts(parts: tuple[str, ...], data: Path | None) -> dict[str, str]:
 
 
 def read_part(file: Path, parts: tuple[str, ...]) -> dict[str, str]:
-    """The digests of some parts that a file has."""
+    """Return the digests of some parts from a file."""
     every: dict[str, str] = json.loads(file.read_text(encoding="utf-8"))
     return {name: digest for name, digest in every.items() if name.split("/")[0] in parts}
 
 
 def read_other(file: Path, parts: tuple[str, ...]) -> dict[str, str]:
-    """The digests of all other parts that a file has."""
+    """Return the digests of all other parts from a file."""
     return read_part(file, tuple(part for part in PARTS if part not in parts))

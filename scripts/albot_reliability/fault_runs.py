@@ -1,8 +1,8 @@
-"""Runs pytest again and again in processes that have the libraries loaded, the nearest tests first.
+"""Repeated runs of pytest in processes in which the libraries are loaded, the nearest tests first.
 
-As a program it takes a job on each line of the standard input, and writes what came of it on a
-line: both JSON. A job is pytest's arguments, the files of tests in their order, the file that its
-output goes to, and after how much processor time the tests that passed are enough.
+As a program it reads one job per line from standard input, and writes the job's result on one line:
+both are JSON. A job consists of pytest's arguments, the files of tests in their order, the file for
+its output, and the processor time after which the tests that passed are enough.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any, NoReturn
 import pytest
 
 NOTHING_FOUND = 77
-"""The exit status of a run that was ended, as what passed is enough."""
+"""The exit status of a run that was ended because the tests that passed were enough."""
 ENDLESS, WAITED = 300, 1800
-"""Processor time, and time, after which what still runs will not end (s)."""
-# No plugin of pytest is among them: it complains of plugins that it finds loaded.
+"""Processor time, and time, after which a run is considered endless (s)."""
+# No plugin of pytest is among them, because it complains about plugins that are loaded already.
 _LIBRARIES = (
     "numba", "llvmlite", "scipy.ndimage", "scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial",
     "shapely", "yaml", "jsonschema", "mcap.reader", "mcap.writer",
@@ -34,7 +34,7 @@ _LIBRARIES = (
 
 
 class _Order:
-    """The plugin of one run."""
+    """The pytest plugin of one run."""
 
     def __init__(self, tests: list[str], seconds: float) -> None:
         self._tests, self._seconds = tests, seconds
@@ -45,14 +45,14 @@ class _Order:
     def pytest_collection_modifyitems(
         self, config: pytest.Config, items: list[pytest.Item]
     ) -> None:
-        """Put the tests in the order of their files."""
+        """Sort the tests by the order of their files."""
         places = {config.rootpath / name: place for place, name in enumerate(self._tests)}
         items.sort(key=lambda item: places.get(item.path, len(places)))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """End the run between two tests, counting from the first, which compiles most.
+        """End the run between two tests; time counts from the first, which compiles most.
 
-        Where one has failed the fault is seen, however long that took.
+        If a test has failed, the fault is found, however long that took.
         """
         self._has_failed |= report.failed
         if report.when != "teardown" or self._has_failed:
@@ -77,7 +77,7 @@ def _run(job: dict[str, Any]) -> NoReturn:
 
 
 def _end(process: int) -> tuple[int, resource.struct_rusage]:
-    """Wait for a process, or end it, and all that it started; its status and what it used."""
+    """Wait for a process, or kill it with all that it started; return its status and usage."""
     since = time.monotonic()
     done, status, used = os.wait4(process, os.WNOHANG)
     while not done:

@@ -1,4 +1,4 @@
-"""One-line faults: what can be wrong in a line of the project's own source, drawn by a seed.
+"""One-line faults in the project's own source, drawn by a seed.
 
 The kinds are the operators of mutation testing that change one place of one line (Offutt and
 others, *An experimental determination of sufficient mutant operators*, 1996; Delamaro, Offutt and
@@ -21,7 +21,7 @@ from typing import Any, TypeGuard
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("core", "maps", ".", "agents", "scripts")
-"""What the packages below stand in."""
+"""The folders that contain the packages below."""
 PACKAGES = (
     "core/albot_core",
     "maps/albot_maps",
@@ -41,47 +41,47 @@ _ARITHMETIC = {
     ast.FloorDiv: ("//", "*"), ast.Mod: ("%", "*"), ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"),
 }  # fmt: skip
 _BORDERS = {ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">")}
-"""Tried where a length is compared. Of two numbers with fractions neither is the border's."""
+"""Used where a length is compared. Two numbers with fractions are hardly ever equal."""
 _PAIRS = (
     ("min", "max"), ("minimum", "maximum"), ("argmin", "argmax"), ("floor", "ceil"),
     ("sin", "cos"), ("any", "all"), ("zeros", "ones"), ("amin", "amax"), ("nanmin", "nanmax"),
 )  # fmt: skip
 _OTHER = {one: other for pair in _PAIRS for one, other in (pair, pair[::-1])}
 _SYMMETRIC = {"hypot", "isinstance", "allclose", "array_equal", "dict", "print", *_OTHER}
-"""Functions whose arguments mean the same in any order, or are never given in another."""
+"""Functions whose arguments may be exchanged, or are never given in another order."""
 
-# What is no fault of what the project works out, by rule:
+# Code whose faults do not affect the project's results, by rule:
 _APPEARANCE = ("rendering/", "export/picture", "albot_maps/drawing", "evaluation/picture")
-"""Where constants are colours, sizes and places on a picture."""
+"""Modules in which constants are colours, sizes and positions on a picture."""
 _TIDYING = {
     "close", "kill", "wait", "flush", "collect", "join", "setLevel", "warning", "debug", "info",
 }  # fmt: skip
-"""Statements that let go of something, or tell of it: nothing that comes out depends on them."""
+"""Statements that release or report something: no result depends on them."""
 _GUARDS = {"strict", "encoding", "help", "show_default", "metavar", "dtype", "copy", "fmt"}
-"""Arguments that guard against another's fault, are the default, or are words for people."""
+"""Arguments that guard against another's fault, are the default, or are texts for people."""
 _TINY, _HUGE = 1e-6, 1e6
-"""Numbers beyond are tolerances, and bounds that nothing reaches."""
+"""Numbers beyond these are tolerances, and bounds that nothing reaches."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One place of one line that is wrong."""
+    """A fault in one place of one line."""
 
     path: str
-    """The module, from the project's folder."""
+    """The module's path, relative to the project's folder."""
     line: int
     """Number of the line, from 1."""
     kind: str
     """The operator of mutation testing."""
     old: str
-    """The line as it stands."""
+    """The original line."""
     new: str
     """The line with the fault."""
 
 
 @dataclass(frozen=True)
 class _Change:
-    """A part of a line, in bytes, and what comes in its place."""
+    """A part of a line, in bytes, and its replacement."""
 
     kind: str
     line: int
@@ -99,9 +99,9 @@ def modules() -> list[str]:
 def draw_faults(seed: int, share: float) -> list[Fault]:
     """Return one fault for each of this share of the modules of every folder, rounded up.
 
-    Which modules, and which fault of a module, depends on the seed, the module's path and its own
-    text; so the faults of other modules stay when one changes. The kind is drawn first, then one of
-    the places where the module can have it.
+    The choice of modules, and of a module's fault, depends on the seed, the module's path and its
+    own text; so the faults of other modules stay the same when one module changes. The kind is
+    drawn first, then one of the places where the module can have it.
     """
     folders = defaultdict(list)
     for path in modules():
@@ -263,9 +263,9 @@ def _end(node: ast.expr | ast.stmt | ast.keyword) -> int:
 
 
 def _is_left_alone(node: ast.AST) -> bool:
-    """Return whether what is below a node is no part of what the project works out.
+    """Return whether the code below a node does not affect the project's results.
 
-    That is: errors and checks of our own faults, texts, imports, types, and tidying.
+    These are errors and checks of our own faults, texts, imports, types, and tidying.
     """
     match node:
         case ast.Raise() | ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():

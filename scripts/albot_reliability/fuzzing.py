@@ -1,4 +1,4 @@
-"""The section on damaged files: how many each reader was given, and what it made of them."""
+"""The section on damaged files: how many each reader got, and with what results."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from tests.fuzzing.fuzz import MEMORY
 from tests.fuzzing.readers import READERS
 
 INPUTS = 16_000
-"""Damaged inputs, shared out among the readers."""
+"""Number of damaged inputs, shared out among the readers."""
 SEED = 1
-"""Decides the damage."""
+"""Seed of the damage."""
 _INTRODUCTION = """\
 Whole files of every kind, damaged: their bytes flipped, cut, doubled, put in and swapped; and what
 is written in them (documents, arrays, messages, words) changed, and written again so that it gets
@@ -29,7 +29,7 @@ error."""
 
 
 def measure(share: float, jobs: int) -> dict[str, Any]:
-    """Give damaged files to all readers, in so many processes; what came of it by their names."""
+    """Give damaged files to all readers, in `jobs` processes; return the results by reader."""
     examples = max(1, round(share * INPUTS / len(READERS)))
     names = [reader.name for reader in READERS]
     found: dict[str, Any] = {}
@@ -50,9 +50,9 @@ def measure(share: float, jobs: int) -> dict[str, Any]:
 
 
 def _tallies(names: list[str], folder: Path, examples: int) -> Iterator[tuple[str, dict[str, Any]]]:
-    """What a process of its own made of so many damaged files for each of some readers.
+    """Yield, for each reader, its results on damaged files, measured in a separate process.
 
-    Where it ends before it is done, another goes on with the readers that are left.
+    If the process ends early, another continues with the remaining readers.
     """
     while names:
         words = ["-m", "tests.fuzzing.fuzz", folder / str(len(names)), examples, SEED, *names]
@@ -73,7 +73,7 @@ def _tallies(names: list[str], folder: Path, examples: int) -> Iterator[tuple[st
 
 
 def render(figures: Mapping[str, Any]) -> Iterable[str]:
-    """The section's lines."""
+    """Yield the section's lines."""
     readers = figures["readers"]
     whole = [tally for tally in readers.values() if "read" in tally]
     read, refused = (sum(tally[key] for tally in whole) for key in ("read", "refused"))

@@ -1,4 +1,4 @@
-"""The section on injected faults: how many one-line faults the tests of their rooms see."""
+"""The section on injected faults: how many one-line faults the nearest tests detect."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from albot_reliability.fault_sampling import FOLDERS, ROOT, Fault, draw_faults
 
 _LOG = logging.getLogger(__name__)
 SEED = 1
-"""Decides the faults."""
+"""Seed of the faults."""
 SHARE = 0.6
-"""The share of each folder's modules that get one."""
+"""Share of each folder's modules that get a fault."""
 SECONDS = 15.0
 """Processor time after which the tests that passed are enough (s)."""
 SEEN, MISSED = "seen", "missed"
 _STOPPED = (signal.SIGXCPU, signal.SIGKILL)
 _NOT_LOADED = 4
-"""Pytest's status where a `conftest.py` cannot be imported, among other errors of use."""
+"""Pytest's status if a `conftest.py` cannot be imported, among other usage errors."""
 _TESTS = ROOT / "tests"
 _LONG = ("test_processors", "test_warm_up", "test_linking", "test_fuzz")
-"""Files of tests that compile everything anew in processes of their own, or try thousands."""
+"""Files of tests that compile everything again in separate processes, or try thousands of cases."""
 _SETTINGS = "tests/test_configurations.py"
 _COPIED = ("core", "maps", "albot_env", "agents", "scripts", "tests", "docs")
 _IMPORTS = re.compile(
@@ -49,12 +49,12 @@ _IMPORTS = re.compile(
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?(?:\[.*?\])?)(?: - .*)?$", re.MULTILINE)
 
 
-# Which tests are near a module.
+# The tests near a module.
 
 
 @cache
 def _imports(path: Path) -> frozenset[str]:
-    """The modules of ours, tests' among them, that a file names in its imports."""
+    """Return the names of our modules, including tests, that a file imports."""
     found = set()
     for module, names, plain in _IMPORTS.findall(path.read_text(encoding="utf-8")):
         found |= {module or plain, *(f"{module}.{name.strip()}" for name in names.split(","))}
@@ -63,7 +63,7 @@ def _imports(path: Path) -> frozenset[str]:
 
 @cache
 def _modules() -> Mapping[str, Path]:
-    """The files of all modules by their names."""
+    """Return the files of all modules by their names."""
     found = {}
     for folder in FOLDERS:
         packages = [ROOT / folder] if folder != "." else [ROOT / "albot_env", _TESTS]
@@ -74,7 +74,7 @@ def _modules() -> Mapping[str, Path]:
 
 
 def _reached(path: Path) -> dict[Path, int]:
-    """The files that a file imports, and how many imports are on the way to each."""
+    """Return the files that a file imports, with the number of imports on the way to each."""
     found, waiting = {path: 0}, [path]
     for current in waiting:
         for name in sorted(_imports(current)):
@@ -88,8 +88,9 @@ def _reached(path: Path) -> dict[Path, int]:
 def tests_of(path: str) -> list[str]:
     """Return the files of tests that reach a module, the nearest first.
 
-    That of the module's own name in the mirrored folder comes first, also where the module is only
-    loaded by its name; then those that import it; then others, those of its folder first.
+    The test with the module's own name in the mirrored folder comes first, even if the module is
+    only loaded by its name; then come the tests that import the module, then others, those of its
+    folder first.
     """
     module = ROOT / path
     folder = _mirror(module)
@@ -105,13 +106,13 @@ def tests_of(path: str) -> list[str]:
 
 
 def _tests_for(fault: Fault) -> list[str]:
-    """Return the tests near a fault; for a number also those of all settings, which import none."""
+    """Return the tests near a fault; for a number also those of all settings."""
     near = tests_of(fault.path)
     return [*near[:1], _SETTINGS, *near[1:]] if fault.kind == "constant" else near
 
 
 def _mirror(module: Path) -> Path:
-    """The folder of tests that mirrors a module's folder, or the nearest above it that is there."""
+    """Return the folder of tests that mirrors a module's, or the nearest existing one above."""
     parts = module.relative_to(ROOT).parts[:-1]
     parts = parts[1:] if parts[0] != "albot_env" else parts
     folder = _TESTS.joinpath(parts[0].removeprefix("albot_"), *parts[1:])
@@ -124,9 +125,9 @@ def _mirror(module: Path) -> Path:
 
 
 class Copy:
-    """A copy of the project, in which one fault stands at a time.
+    """A copy of the project that contains one fault at a time.
 
-    The project itself must stay as it is meanwhile.
+    The project itself must not change in the meantime.
 
     Args:
         folder: An empty folder.
@@ -147,7 +148,7 @@ class Copy:
             "CI": "true",
             "OMP_NUM_THREADS": "1",
             "NUMBA_NUM_THREADS": "1",
-            "NUMBA_OPT": "1",  # What one fault's run compiles anew is not kept.
+            "NUMBA_OPT": "1",  # The code that a fault's run compiles is not kept.
         }
         self._runs = subprocess.Popen(
             [sys.executable, str(Path(fault_runs.__file__))],
@@ -159,7 +160,7 @@ class Copy:
         )
 
     def run(self, fault: Fault, tests: list[str], seconds: float) -> dict[str, Any]:
-        """Run tests with a fault; return what came of it."""
+        """Run tests with a fault; return the result."""
         with self._injected(fault):
             result, output = self._pytest(["-x"], tests, seconds)
         failed, status = _FAILED.findall(output), result["status"]
@@ -215,7 +216,7 @@ class Copy:
             self._restore()
 
     def _restore(self) -> None:
-        """Make everything as it was: the module, and what was compiled of it."""
+        """Restore all files: the module, and the code compiled from it."""
         for path, stamp in list(self._files()):
             if self._before.get(path) != stamp:
                 source = ROOT / path.relative_to(self._folder)
@@ -237,11 +238,11 @@ class Copy:
 
 
 def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any]:
-    """Inject this share of the faults that are left, in so many processes.
+    """Inject this share of the remaining faults, in `jobs` processes.
 
-    What was found before stays for the faults that are the same and were seen, and what was found
-    so far after an interrupt. A fault is left out, and tried at the next time, if the test that saw
-    it fails without one.
+    Earlier results are kept for faults that are unchanged and were seen; after an interrupt the
+    results so far are kept. A fault is left out, and tried again the next time, if the test that
+    saw it fails without a fault.
     """
     faults = {fault.path: fault for fault in draw_faults(SEED, SHARE)}
     kept = before.get("faults", {})
@@ -250,8 +251,8 @@ def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any
         for path, fault in faults.items()
         if path in kept and (kept[path]["old"], kept[path]["new"]) == (fault.old, fault.new)
     }
-    # Those that were not seen come first; the others in no order, so that those that are done are
-    # a sample at any time.
+    # Faults that were not seen come first. The others are in random order, so that those done are a
+    # random sample at any time.
     again = [path for path, each in found.items() if each["outcome"] != SEEN and not _reason(each)]
     others = [path for path in faults if path not in found]
     left = again + random.Random(SEED).sample(others, len(others))
@@ -291,7 +292,7 @@ def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any
 
 
 def render(figures: Mapping[str, Any]) -> Iterable[str]:
-    """The section's lines."""
+    """Yield the section's lines."""
     faults = list(figures["faults"].values())
     equal = [fault for fault in faults if _reason(fault) is not None]
     counted = [fault for fault in faults if _reason(fault) is None]
@@ -322,7 +323,7 @@ def render(figures: Mapping[str, Any]) -> Iterable[str]:
 
 
 def _reason(fault: Mapping[str, Any]) -> str | None:
-    """Why a fault that was not seen is none; None if it is one."""
+    """Return why a fault that was not seen has no effect; None if it has one."""
     return EQUAL.get((fault["path"], fault["new"].strip())) if fault["outcome"] == MISSED else None
 
 
@@ -376,9 +377,9 @@ EQUAL: Mapping[tuple[str, str], str] = {
         "driven=np.ones(robots),",
     ): "the first observation of every episode sets it to 0, and nobody reads it before",
 }
-"""Faults that change nothing that comes out, by module and changed line, and why."""
+"""Faults that do not affect any result, by module and changed line, with the reason."""
 UNSEEN: Mapping[str, str] = {}
-"""Why a fault of a module is not seen."""
+"""The reasons why faults of some modules are not seen."""
 _INTRODUCTION = f"""\
 One line of a module is made wrong, in a copy of the project, and the tests nearest to the module
 run until one fails: its own, those that import it, then others, for {SECONDS:.0f} s of processor

@@ -1,8 +1,8 @@
-"""Runs of the command that are interrupted or killed at random moments, and what is left of them.
+"""Runs of the command that are interrupted or killed at random moments, and what they leave.
 
-Starting Python and loading what is compiled takes seconds, so one process does both and forks a
-child for each run, which calls the command as its console script does. Some runs are processes of
-their own nevertheless, for the moments before. `left_files.py` says what must hold afterwards.
+Starting Python and loading compiled code takes seconds, so one process does both and forks a child
+for each run, which calls the command as its console script does. Some runs are new processes
+nevertheless, to test the first moments. `left_files.py` has the checks that follow.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ from albot_reliability.left_files import BrokenPromiseError, check_quiet, check_
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 600.0
-"""A run that goes on for so long (s) after its signal hangs; a busy machine lets it wait."""
+"""A run that continues for this time (s) after its signal hangs; a busy machine delays it."""
 RESUMED = 0.1
-"""The share of trainings that are resumed afterwards, and trained to their end."""
+"""Share of trainings that are resumed afterwards, and trained to their end."""
 EARLY = 1.5
-"""Processes of their own are interrupted within so many seconds from their start."""
+"""New processes are interrupted within this time from their start (s)."""
 
 _FORKING = get_context("fork")
 _READY = 8
-"""Where a child says that it has begun, in memory that it shares; before it, its moments."""
+"""Index in the shared memory at which a child notes that it has begun, after its moments."""
 _PLAN: Mapping[str, Any] = {
     "task": "Albot/Homing-v0",
     "n_envs": 2,
@@ -77,38 +77,38 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "results": ("--out", "page.md", "--seeds", "1..2", "--jobs", "2"),
     "stress": (*_STEPS, "--count", "4", "--agent", "gap-explorer", "--json"),
 }  # fmt: skip
-"""The words after each subcommand."""
+"""The arguments of each subcommand."""
 OTHERS = ("mappers", "agents list", "worlds list", "map --help", "experiment list", "bench --help")
-"""What else is interrupted at its start."""
+"""Other commands that are interrupted at their start."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One run, and what came of it."""
+    """One run, and its result."""
 
     words: tuple[str, ...]
     """The command, without `albot`."""
     number: int
-    """The signal that it is sent."""
+    """The signal that is sent."""
     after: float
-    """When, after its start (s)."""
+    """The time of the signal, from the run's start (s)."""
     resumed: bool = False
     """Whether a training is resumed afterwards."""
     ended: bool = False
-    """Whether it was over before the signal came."""
+    """Whether the run was over before the signal came."""
     problem: str = ""
-    """Which promise was broken."""
+    """The promise that was broken; empty for none."""
     facts: Mapping[str, int] = field(default_factory=dict)
-    """What else was found."""
+    """Other counts."""
 
 
 def prepare() -> dict[str, float]:
-    """Import and load everything; how long each command takes (s)."""
+    """Import and load everything; return the duration of each command (s)."""
     import torch
 
     torch.set_num_threads(1)
     workers._CONTEXT = _FORKING  # type: ignore[assignment]
-    # Few and short episodes, two tasks: the page is written twice.
+    # Few and short episodes, but two tasks, so that the page is written twice.
     comparison.COMPARISONS = tuple(  # type: ignore[assignment]
         comparison.Comparison(
             task=task,
@@ -131,7 +131,7 @@ def prepare() -> dict[str, float]:
 
 
 def _load() -> None:
-    """Call the commands in this process, so that all that they load is there in each child."""
+    """Call the commands in this process, so that every child has all that they load."""
     from click.testing import CliRunner
     from stable_baselines3 import PPO
 
@@ -142,12 +142,12 @@ def _load() -> None:
         chdir(folder),
         patch.object(workers, "run_parallel", _run_here),
         patch.object(comparison, "run_parallel", _run_here),
-        # Once torch has computed gradients, it does so in no child any more.
+        # After torch has computed gradients in a process, it cannot do so in a forked child.
         patch.object(PPO, "train", lambda self: None),
     ):
         for command, words in COMMANDS.items():
             CliRunner().invoke(albot, [command, *words], catch_exceptions=False)
-    gc.freeze()  # What is never looked at is never copied into a child.
+    gc.freeze()  # Objects that the collector never visits are never copied into a child.
 
 
 def _run_here(
@@ -160,13 +160,13 @@ def _run_here(
 def forked_runs(
     lengths: Mapping[str, float], count: int, numbers: Sequence[int], jobs: int
 ) -> Iterator[Run]:
-    """Run each command in turn, until so many runs were still going on when their signal came.
+    """Run the commands in turn, until `count` runs were still going on when their signal came.
 
     Args:
-        lengths: How long each command takes (s).
-        count: How many runs.
+        lengths: Duration of each command (s).
+        count: Number of runs.
         numbers: The signals, of which each run gets one.
-        jobs: Runs at a time.
+        jobs: Number of runs at a time.
     """
     rng = random.Random(sum(numbers))
     commands = cycle(lengths.items())
@@ -187,7 +187,7 @@ def forked_runs(
 
 
 def fresh_runs(count: int, numbers: Sequence[int], jobs: int) -> Iterator[Run]:
-    """The same in processes of their own, soon after their start."""
+    """Run the commands in new processes, which get their signal soon after their start."""
     rng = random.Random(count)
     words = [(command, *rest) for command, rest in COMMANDS.items()]
     words += [tuple(line.split()) for line in OTHERS]
@@ -261,10 +261,10 @@ def _interrupted(run: Run, folder: Path, child: int, moments: mmap.mmap | None) 
 
 
 def _wait(child: int, seconds: float) -> int | None:
-    """The child's exit status, negative for a signal; None where it has none by then."""
+    """Return the child's exit status, negative for a signal; None if it has not ended in time."""
     deadline = time.monotonic() + seconds
     while True:
-        # It stays a zombie, so that its number stays its own until all is checked.
+        # The child stays a zombie, so that its process number is not reused until all is checked.
         found = os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         if found is not None:
             killed = found.si_code in (os.CLD_KILLED, os.CLD_DUMPED)
@@ -275,7 +275,7 @@ def _wait(child: int, seconds: float) -> int | None:
 
 
 def _gone(child: int, seconds: float) -> bool:
-    """Whether no other process of the child's session is left before time is up."""
+    """Return whether all other processes of the child's session end in time."""
     os.waitpid(child, 0)
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
@@ -288,7 +288,7 @@ def _gone(child: int, seconds: float) -> bool:
 
 
 def _call(words: Sequence[str], folder: Path) -> None:
-    """Call the command in a child to its end, which must be a good one."""
+    """Run the command in a child to its end, which must be successful."""
     child = os.fork()
     if not child:
         _be_child(words, folder, None)
@@ -299,7 +299,7 @@ def _call(words: Sequence[str], folder: Path) -> None:
 
 
 def _be_child(words: Sequence[str], folder: Path, moments: mmap.mmap | None) -> NoReturn:
-    """In the child: be the command, in a folder of its own."""
+    """Run the command in this child process, in a folder of its own."""
     status = 1
     try:
         os.setsid()
@@ -329,14 +329,14 @@ def _be_child(words: Sequence[str], folder: Path, moments: mmap.mmap | None) -> 
 
 
 def _hear_signals() -> None:
-    """As in a process that a shell has started; whoever started us may ignore some."""
+    """Reset the signals as in a process started by a shell; the parent may ignore some."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 
 
 def _count_moments(counter: mmap.mmap) -> None:
-    """Let a recorder tell how many moments it was given."""
+    """Make recorders count the moments that they are given."""
     whole = EpisodeWriter.add
 
     def add(self: EpisodeWriter, moment: Moment) -> None:
@@ -349,7 +349,7 @@ def _count_moments(counter: mmap.mmap) -> None:
 
 @contextmanager
 def _folder() -> Iterator[Path]:
-    """A folder for a run, with the plan of a training."""
+    """Yield a folder for a run, with the plan of a training."""
     folder = Path(tempfile.mkdtemp(prefix="interrupted-"))
     try:
         (folder / ".tmp").mkdir()

@@ -1,4 +1,4 @@
-"""The section on interrupts and kills: how many runs of the command got one, and what was left."""
+"""The section on interrupts and kills: the number of runs of the command, and what was left."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from typing import Any
 from albot_cli.progress import progress
 from albot_env.recording.writer import CHUNK_MOMENTS
 
-# One processor for each run, so that no library's threads are forked; before they are loaded.
+# One processor for each run, so that no library's threads are forked. Set before the libraries
+# load.
 os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 from albot_reliability.interrupted_runs import (
@@ -27,17 +28,17 @@ from albot_reliability.interrupted_runs import (
 )
 
 FORKED, FRESH = 950, 50
-"""Runs that are interrupted, and as many that are killed; FRESH of either are new processes."""
+"""Number of interrupted runs, and of killed runs; FRESH of each are new processes."""
 _KINDS = {"interrupts": INTERRUPTS, "kills": (signal.SIGKILL,)}
 _MOST = ("lost",)
-"""Of these the most counts, not the sum."""
+"""Counts of which the maximum is reported, not the sum."""
 
 Tally = Mapping[str, Mapping[str, Counter[str]]]
-"""What was counted, by kind and command."""
+"""The counts, by kind and command."""
 
 
 def measure(share: float, jobs: int) -> dict[str, Any]:
-    """Interrupt and kill the command at random moments; what was found, by kind and command."""
+    """Interrupt and kill the command at random moments; return the counts, by kind and command."""
     forked, fresh = (max(1, round(share * count)) for count in (FORKED, FRESH))
     lengths = prepare()
     found: dict[str, dict[str, Counter[str]]] = {kind: {} for kind in _KINDS}
@@ -65,7 +66,7 @@ def _count(run: Run, tally: Counter[str], problems: list[str]) -> None:
 
 
 def render(figures: Mapping[str, Any]) -> Iterable[str]:
-    """The section in Markdown."""
+    """Yield the section in Markdown."""
     found: Tally = figures["found"]
     totals = {kind: sum(each["runs"] for each in found[kind].values()) for kind in _KINDS}
     yield from (

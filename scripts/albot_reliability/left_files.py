@@ -1,4 +1,4 @@
-"""What must hold of the files that an interrupted or killed run of the command has left."""
+"""Checks of the files that an interrupted or killed run of the command has left."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import CHUNK_MOMENTS
 
 OURS = {".out", ".err", ".tmp", "plan.yml"}
-"""What stood in the folder before, and what the run has said."""
+"""Files that were in the folder before, and the run's output."""
 
 
 class BrokenPromiseError(Exception):
-    """Something is not as docs/reliability.md says."""
+    """A promise of docs/reliability.md is broken."""
 
 
 def check_quiet(folder: Path, status: int, number: int) -> dict[str, int]:
-    """Raise BrokenPromiseError where a signal ended a run with a traceback or an odd status.
+    """Raise BrokenPromiseError if a signal ended a run with a traceback or an odd status.
 
     Returns:
-        Whether it came before Python had come to our first line.
+        Whether the signal came before Python had reached our first line.
     """
     told = (folder / ".err").read_text()
     if "Traceback" in told or "ignored" in told:
         if "albot_" in told:
             raise BrokenPromiseError(f"says {told}")
         return {"before us": 1}
-    # Before anything is begun, and once all is done, the signal itself ends the process.
+    # Before the work begins, and after its end, the signal itself ends the process.
     if status not in (-number, 128 + number):
         raise BrokenPromiseError(f"status {status} after signal {number}: {told}")
     return {}
 
 
 def check_run(command: str, folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
-    """Raise BrokenPromiseError where a run's files are not as promised.
+    """Raise BrokenPromiseError if a run's files are not as promised.
 
     Args:
         command: The subcommand.
-        folder: Where it ran.
+        folder: The folder in which it ran.
         killed: Whether it was killed, and could not tidy up.
-        moments: How many moments of an episode its recorder was given, where that is known.
+        moments: Number of moments that an episode's recorder was given, if known.
 
     Returns:
-        What was counted: whole files, temporary ones left behind, moments lost.
+        The counts: whole files, temporary files left behind, moments lost.
     """
     hidden = [path for path in folder.rglob("*") if path.name.startswith(".")]
     left = [path for path in (*hidden, *(folder / ".tmp").iterdir()) if path.name not in OURS]
@@ -98,7 +98,7 @@ def _check_train(folder: Path, killed: bool, moments: int | None) -> dict[str, i
         read_plan(run.plan)
     if run.monitor.exists():
         lines = run.monitor.read_bytes()
-        # A killed run may have been writing; what resumes it cuts off what follows a checkpoint.
+        # A killed run may have been writing; resuming cuts off what follows a checkpoint.
         if not lines.endswith(b"\n") and not killed:
             raise BrokenPromiseError("half a line in the log of episodes")
     if run.evaluations.exists():

@@ -1,7 +1,7 @@
-"""Writes docs/reliability.md: what was tried to break the project, and what came of it.
+"""The page docs/reliability.md: how the project was tested to break, and with what results.
 
-The figures of sections that are not measured anew stay: they are kept in a JSON file beside the
-page. What is measured takes the processors for some time, politely.
+Figures of sections that are not measured again are kept: they are in a JSON file beside the page.
+Measuring occupies the processors for some time, at low priority.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Section:
     """A section of the page."""
 
     measure: Callable[[float, int, Figures], Figures]
-    """Takes the share of the whole that is to be measured, how many processes work at a time, and
-    the figures before; what it returns can be written as JSON."""
+    """Measures the section, given the share of the whole, the number of processes, and the figures
+    before. The result can be written as JSON."""
     render: Callable[[Figures], Iterable[str]]
-    """The section's lines, of the figures."""
+    """Yields the section's lines, given its figures."""
 
 
 SECTIONS: Mapping[str, Section] = {
@@ -80,7 +80,7 @@ python -m albot_reliability page
     help="The page; the figures go into a JSON file beside it.",
 )
 def command(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -> None:
-    """Try to break the project, and write the page that tells of it."""
+    """Try to break the project, and write the page on the results."""
     os.nice(10)
     kept = out.with_suffix(".json")
     figures = _read(kept)

@@ -1,1 +1,1 @@
-"""Studies of the mappers whose figures stand in docs/: subcommands of `albot experiment study`."""
+"""Studies of the mappers for the figures in docs/: subcommands of `albot experiment study`."""

@@ -1,4 +1,4 @@
-"""Writes docs/comparison.md: all mappers side by side, on real logs and in random worlds.
+"""Comparison of all mappers, on real logs and in random worlds: writes docs/comparison.md.
 
 It measures as `albot compare` does. Each source has a folder in docs/comparison, with its figures
 and a picture of each mapper's map. Results that are not measured again are kept.

@@ -1,9 +1,9 @@
-"""What a mapper makes of logs that were disturbed: its error over many runs, as a table.
+"""Errors of a mapper on disturbed logs, over many runs, as a table.
 
-Maps every log of the data folder as recorded, and then, in each of `--runs` runs, under each of
-the disturbances of `albot_core.logs.disturbed`. An error is the ATE against the log's reference; a
-log that has none is measured against the path that `graph-slam` corrects on the log as recorded.
-`--out` takes `robustness.json` and `robustness.md`.
+Maps every log of the data folder as recorded, and then, in each of `--runs` runs, with each of the
+disturbances of `albot_core.logs.disturbed`. An error is the ATE against the log's reference; for a
+log without a reference, the path that `graph-slam` corrects on the log as recorded is used instead.
+The files `robustness.json` and `robustness.md` are written to `--out`.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ LOGS = {
 }
 """The logs of the data folder, and the files of their references."""
 DEVELOPED_ON = ("intel", "wean1", "wean2")
-"""The logs on which the mappers' values were set; the others are for the test."""
+"""The logs on which the mappers' parameters were chosen; the others are test logs."""
 POOLED = ("turns", "lengths", "beams", "views", "range")
 """The disturbances whose runs also count as one sample; `all` applies them together."""
 SAME = 1e-3
-"""Errors that differ by no more than this (m) are the same."""
+"""Errors that differ by at most this (m) are the same."""
 
 
 def known_log(folder: Path, name: str) -> tuple[Log, Trajectory]:
-    """A log of the data folder, and where its robot was."""
+    """Return a log of the data folder, and the robot's true path."""
     file, reference = LOGS[name]
     log = read_log(folder / file)
     truth = read_reference(folder / reference) if reference else log.reference_trajectory
@@ -56,7 +56,7 @@ def known_log(folder: Path, name: str) -> tuple[Log, Trajectory]:
 
 
 def ate(trajectory: Trajectory, truth: Trajectory, log: Log) -> float:
-    """The ATE of a trajectory (m)."""
+    """Return the ATE of a trajectory (m)."""
     error = trajectory_error(trajectory, truth)
     if error is None:
         raise InputError(log.name, "a reference with moments of the log", "stamps of another log")
@@ -64,7 +64,7 @@ def ate(trajectory: Trajectory, truth: Trajectory, log: Log) -> float:
 
 
 def measure(log: Log, truth: Trajectory, mapper: str, runs: int) -> list[dict[str, Any]]:
-    """A row a disturbance: the mapper's errors and the odometer's over so many runs (m)."""
+    """Return one row per disturbance: the errors of mapper and odometer over `runs` runs (m)."""
     rows: list[dict[str, Any]] = []
     for disturbance in DISTURBANCES:
         errors, odometers = [], []
@@ -78,7 +78,7 @@ def measure(log: Log, truth: Trajectory, mapper: str, runs: int) -> list[dict[st
 
 
 def pooled(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """A row of the runs of all `POOLED` disturbances, taken as one sample."""
+    """Return one row for the runs of all `POOLED` disturbances, taken as one sample."""
     chosen = [row for row in rows if row["disturbance"] in POOLED]
     keys = "ate_m", "odometer_ate_m"
     errors = {key: [error for row in chosen for error in row[key]] for key in keys}
@@ -86,7 +86,7 @@ def pooled(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(measured: dict[str, Any]) -> str:
-    """The figures as a table in Markdown."""
+    """Return the figures as a table in Markdown."""
     lines = [
         "| log | disturbance | ATE, median | least-largest | by that of `noise` | odometer "
         "| worse than it |",
@@ -110,7 +110,7 @@ def table(measured: dict[str, Any]) -> str:
 
 
 def page(measured: dict[str, Any], command: str) -> str:
-    """The whole page in Markdown."""
+    """Return the whole page in Markdown."""
     logs = measured["logs"]
     rows = [row for found in logs.values() for row in found["rows"]]
     runs = [pair for row in rows for pair in zip(row["ate_m"], row["odometer_ate_m"], strict=True)]

@@ -1,13 +1,13 @@
-"""How often a kidnapped robot notices that it was moved, and finds out where to.
+"""Shares of kidnapped robots that notice the kidnapping, and that find out where they are.
 
-In each world the robot is guided from room to room. After 120 to 259 readings it is put down in
-another room, with another heading, and its odometer says that it stands still. Then it is guided
-on for 60 readings, or as many as asked. Counted are the robots that
+In each world the robot is guided from room to room. After 120 to 259 readings it is moved to
+another room, with another heading, while its odometer reports no motion. Then it is guided on for
+60 readings, or as many as requested. The robots are counted that
 
-- give a *false alarm*: they believe to be lost before they were moved;
+- give a *false alarm*: they believe to be lost before they are moved;
 - *notice*: they believe to be lost at one of the next three readings;
-- find out where they are, *rightly* or *wrongly*: at the end they do not believe to be lost any
-  more, and their position is right to 2 m, or is not.
+- find out where they are, *rightly* or *wrongly*: at the end they no longer believe to be lost,
+  and their position is right to 2 m, or is not.
 """
 
 from __future__ import annotations
@@ -36,38 +36,39 @@ from albot_env.tasks.place_recognition.tours import StoppingRooms
 from albot_maps import World, load_world
 
 BEFORE, AFTER = (120, 260), 60
-"""Readings before the robot is moved (drawn: from the first to below the second), and after."""
+"""Number of readings before the robot is moved (drawn from the first to below the second value),
+and number of readings after."""
 SOON = 3
-"""The robot has noticed if it believes to be lost at one of so many readings from then on."""
+"""The robot has noticed if it believes to be lost at one of this many readings after the move."""
 RIGHT = 2.0
 """A believed position is right up to this error (m); the map has drifted by less."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kidnapping:
-    """What a mapper made of being moved."""
+    """The outcome of a kidnapping."""
 
     seed: int
-    """The world's."""
+    """Seed of the world."""
     reading: int
-    """The first reading at the new place."""
+    """The first reading at the new position."""
     false_alarm: bool
-    """Whether it believed to be lost before."""
+    """Whether the robot believed to be lost before."""
     noticed: bool
-    """Whether it noticed."""
+    """Whether the robot noticed."""
     lost: bool
-    """Whether it believes to be lost at the end."""
+    """Whether the robot believes to be lost at the end."""
     error: float
-    """How far its position is off at the end (m)."""
+    """Error of the robot's position at the end (m)."""
 
     @property
     def found(self) -> bool:
-        """Whether it noticed, and knows in the end where it is."""
+        """Whether the robot noticed, and knows its position at the end."""
         return self.noticed and not self.lost and self.error <= RIGHT
 
     @property
     def mistaken(self) -> bool:
-        """Whether it noticed, and believes in the end to be where it is not."""
+        """Whether the robot noticed, and believes in a wrong position at the end."""
         return self.noticed and not self.lost and self.error > RIGHT
 
 

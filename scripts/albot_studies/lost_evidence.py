@@ -1,10 +1,10 @@
-"""Fit the weights by which Albot1 judges where a robot may be that was carried away.
+"""Fit of the weights by which Albot1 judges where a robot that was carried away may be.
 
-Robots are carried away as in `kidnapped-robots`, N times in each world, and never believe to
-know where they are. Every comparison with what they know is an example: its hypotheses, and which
-of them are right. None is right where the robot is on unknown ground. The weights are those under
-which what is right is most probable. Comparisons of one robot are alike: together they weigh 1. The
-weights are the constants of `albot_core.mappers.albot1.places.hypothesis`.
+Robots are carried away as in `kidnapped-robots`, N times in each world, and are never allowed to
+relocalise. Every comparison with known places is an example: its hypotheses, and which of them are
+right. None is right if the robot is on unknown ground. The weights are those for which the right
+hypotheses are the most probable. Comparisons of one robot are similar, so they have a total weight
+of 1. The weights are the constants of `albot_core.mappers.albot1.places.hypothesis`.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ WORLDS = (
 )
 WEIGHTS = "prior", "of match", "of share", "of missing", "of across"
 RIGHT, TURN = 1.5, np.radians(20.0)
-"""A hypothesis is right if the robot's position is right to this (m), and its heading (rad)."""
+"""A hypothesis is right if the errors of the robot's position (m) and heading (rad) are below
+these."""
 NEVER = 1_000_000
-"""No place has so many surfaces: a robot that asks for them stays lost."""
+"""More surfaces than any place has: a robot that needs this number stays lost."""
 RIDGE = 1e-3
 """Penalty of the squares of the weights."""
 BARS = 0.5, 0.8, 0.9, 0.95, 0.99
@@ -48,18 +49,18 @@ BARS = 0.5, 0.8, 0.9, 0.95, 0.99
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Examples:
-    """Comparisons of what lost robots have seen with what they know."""
+    """Comparisons of what lost robots have seen with known places."""
 
     features: Float64[np.ndarray, "examples hypotheses 5"]
-    """Of each hypothesis: 1, matches, share, and what contradicts; NaN where there is none."""
+    """For each hypothesis: 1, matches, share, and the two contradictions; NaN for no hypothesis."""
     right: Bool[np.ndarray, "examples hypotheses"]
-    """Which are right."""
+    """Which hypotheses are right."""
     count: Float64[np.ndarray, "examples"]
-    """How much each counts."""
+    """The weight of each example."""
 
 
 def gather(worlds: tuple[str, ...], seeds: range, repeats: int) -> Examples:
-    """Carry robots away in all worlds, and gather what they compare."""
+    """Carry robots away in all worlds, and collect their comparisons."""
     runs = [
         _compared(load_world(spec.replace("SEED", str(seed))), seed, repeat)
         for spec in worlds
@@ -77,7 +78,7 @@ def gather(worlds: tuple[str, ...], seeds: range, repeats: int) -> Examples:
 
 
 def _compared(world: World, seed: int, repeat: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The comparisons of one robot: its hypotheses' features, and which are right."""
+    """Return the comparisons of one robot: its hypotheses' features, and which are right."""
     places = replace(Albot1Config().places, min_relocalise_matches=NEVER)
     mapper = Albot1(replace(Albot1Config(), places=places))
     rng = np.random.default_rng([seed, repeat])
@@ -113,13 +114,13 @@ def _is_right(one: Hypothesis, mapper: Albot1, true: Pose) -> bool:
 def probabilities(
     examples: Examples, weights: Float64[np.ndarray, "5"]
 ) -> Float64[np.ndarray, "examples hypotheses"]:
-    """How probable each hypothesis is; 0 where there is none."""
+    """Return the probability of each hypothesis; 0 for no hypothesis."""
     odds = np.exp(np.nan_to_num(examples.features @ weights, nan=-np.inf))
     return np.asarray(odds / (1.0 + odds.sum(axis=1, keepdims=True)))
 
 
 def fit(examples: Examples) -> Float64[np.ndarray, "5"]:
-    """The weights under which what is right is most probable."""
+    """Return the weights for which the right hypotheses are the most probable."""
     features = np.nan_to_num(examples.features)
     is_none = ~examples.right.any(axis=1)
 

@@ -1,8 +1,9 @@
-"""What resets of the odometer, put into logs, cost the mappers, as a table.
+"""Effect of odometer resets, inserted into logs, on the mappers' errors, as a table.
 
-In each run the odometer jumps once, by a length and in a random direction, with or without a random
-turn, before one of `--scans` random scans of a log of the data folder, or of a robot that explores
-a simulated world. The difference of the ATE to that of the log as recorded is told.
+In each run the odometer jumps once, by a given length in a random direction, with or without a
+random turn, before one of `--scans` random scans of a log of the data folder, or of a robot that
+explores a simulated world. The table shows the difference of the ATE to that of the log as
+recorded.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _EDGE = 5
 
 
 def any_log(folder: Path, name: str) -> tuple[Log, Trajectory]:
-    """A log of the data folder or of a simulated world, and where its robot was."""
+    """Return a log of the data folder or of a simulated world, and the robot's true path."""
     if name in LOGS:
         return known_log(folder, name)
     log = explore(
@@ -50,7 +51,7 @@ def any_log(folder: Path, name: str) -> tuple[Log, Trajectory]:
 
 
 def measure(log: Log, truth: Trajectory, mapper: str, scans: int) -> list[dict[str, Any]]:
-    """A row a length: the differences of the ATE (m), and in how many runs the jump was told."""
+    """Return one row per length: the differences of the ATE (m), and the number of jumps found."""
 
     def error(of: Log) -> float:
         run = run_mapper(mapper, None, of, lambda _: None, rng=np.random.default_rng(0))
@@ -71,7 +72,7 @@ def measure(log: Log, truth: Trajectory, mapper: str, scans: int) -> list[dict[s
 
 
 def table(measured: dict[str, dict[str, list[dict[str, Any]]]]) -> str:
-    """The figures as a table in Markdown: the largest difference, and how many jumps were told."""
+    """Return the largest differences and the numbers of jumps found, as a table in Markdown."""
     lines = [
         f"| log | mapper | {' | '.join(f'{length:g} m' for length in JUMPS)} |",
         "|---|---|" + "---:|" * len(JUMPS),
@@ -96,7 +97,7 @@ def table(measured: dict[str, dict[str, list[dict[str, Any]]]]) -> str:
 def command(
     folder: Path, names: tuple[str, ...], mappers: tuple[str, ...], scans: int, out: Path | None
 ) -> None:
-    """Put resets of the odometer into the logs in FOLDER and of simulated worlds, and map them."""
+    """Insert resets of the odometer into logs of FOLDER and of simulated worlds, and map them."""
     if scans < 1:
         raise InputError("--scans", "a whole number from 1", str(scans))
     measured: dict[str, dict[str, list[dict[str, Any]]]] = {}

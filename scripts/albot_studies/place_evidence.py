@@ -1,10 +1,10 @@
-"""Fit the weights by which Albot1 judges whether two places are one.
+"""Fit of the weights by which Albot1 judges whether two places are one.
 
-The drives are those of `room-confusions`, in other worlds, `random:KIND:SEED`. Every comparison
-of two places whose structure matches is an example, and the truth is as there. The weights are
-found by logistic regression; the misfit counts as `log_likelihood` says, which is not fitted.
-Comparisons of the same two places are alike: n of them weigh as much as the square root of n.
-They are the constants of `albot_core.mappers.albot1.places.evidence`.
+The drives are those of `room-confusions`, in other worlds, `random:KIND:SEED`. Every comparison of
+two places whose structure matches is an example, and the truth is the same as there. The weights
+are fitted by logistic regression; the misfit counts by `log_likelihood`, which is not fitted.
+Comparisons of the same two places are similar: n of them have the weight of the square root of n.
+The weights are the constants of `albot_core.mappers.albot1.places.evidence`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from albot_studies.room_confusions import comparisons, drive_all
 
 WEIGHTS = "prior", "of share", "of nearest", "of visit"
 ROUNDS = 30
-"""Newton steps; they converge within ten."""
+"""Number of Newton steps; they converge within ten."""
 RIDGE = 0.1
 """Penalty of the squares of the weights."""
 BARS = 0.5, 0.8, 0.9, 0.95
@@ -36,15 +36,15 @@ class Examples:
     features: Float64[np.ndarray, "examples 4"]
     """1, and the shares that `Evidence` holds."""
     offset: Float64[np.ndarray, "examples"]
-    """What the misfit adds to the log odds."""
+    """The misfit's contribution to the log odds."""
     same: Bool[np.ndarray, "examples"]
-    """The truth."""
+    """Whether the two places truly are the same."""
     count: Float64[np.ndarray, "examples"]
-    """How much each counts."""
+    """The weight of each example."""
 
 
 def gather(kind: str, seeds: range, path: float) -> Examples:
-    """Drive through all worlds, and gather the comparisons."""
+    """Drive through all worlds, and collect the comparisons."""
     rows, pairs = [], []
     for seed, driven, same in drive_all(kind, seeds, path, "albot1"):
         for event, share in comparisons(driven, same):
@@ -64,7 +64,7 @@ def gather(kind: str, seeds: range, path: float) -> Examples:
 
 
 def fit(examples: Examples) -> Float64[np.ndarray, "4"]:
-    """The weights under which the examples are most probable (Newton's method)."""
+    """Return the weights for which the examples are the most probable (Newton's method)."""
     x, weights = examples.features, np.zeros(4)
     penalty = RIDGE * np.diag((0.0, 1.0, 1.0, 1.0))
     for _ in range(ROUNDS):
@@ -86,7 +86,7 @@ def _probabilities(
 @click.option("--seeds", default="6000..6399", show_default=True)
 @click.option("--path", default=300.0, show_default=True, help="Length of each drive (m).")
 def command(kind: str, seeds: str, path: float) -> None:
-    """Print the weights, and what is accepted of the examples above some probabilities."""
+    """Print the weights, and how many examples are accepted above some probabilities."""
     if not path > 0:
         raise InputError("--path", "above 0", str(path))
     examples = gather(kind, parse_seeds(seeds), path)

@@ -1,12 +1,12 @@
-"""How often Albot1 takes a room for another, over many random worlds.
+"""How often Albot1 confuses two rooms, over many random worlds.
 
 In each world, `random:KIND:SEED`, the robot is guided from room to room. Two kinds of mistakes are
-looked for, and the truth is `albot_maps.same_place`:
+counted; the truth is given by `albot_maps.same_place`:
 
-- *a room taken for another*: two places are found to be one, but fewer than half of the positions
-  of either are the same place as a position of the other;
+- *a room taken for another*: two places are merged, but fewer than half of the positions in either
+  are the same place as a position in the other;
 - *a wrong door*: the robot goes through a known exit, or comes out of one, but fewer than half of
-  its next positions are the same place as an earlier position in the place that it believes in.
+  its next positions are the same place as an earlier position in the believed place.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from albot_maps.same_place import same_places
 SAME = 0.5
 """Two places are one if at least this share of one's positions is in the other."""
 JUDGED, LEAST = 12, 4
-"""After a door so many positions are judged, or those up to the next door; fewer than the least say
-nothing: the robot has hardly left the doorway."""
+"""Number of positions after a door that are judged, at most up to the next door; and minimum number
+at which the door counts, because with fewer the robot has hardly left the doorway."""
 MERGED = EventKind.RECOGNIZED, EventKind.FOLLOWED, EventKind.RELOCALISED
 CAME_IN = EventKind.ENTERED, EventKind.RETURNED
 THROUGH = *CAME_IN, EventKind.NEW, EventKind.LOST
@@ -50,11 +50,11 @@ class Mistake:
     """A place that was taken for another."""
 
     seed: int
-    """The world's."""
+    """Seed of the world."""
     reading: int
     """The reading after which it happened."""
     event: str
-    """What the mapper said."""
+    """The mapper's event, as text."""
     share: float
     """The share of positions that are in both places."""
 
@@ -64,16 +64,16 @@ class Drive:
     """A drive of a mapper with places."""
 
     points: Points
-    """(readings, 2): where the robot truly was (world frame, m)."""
+    """(readings, 2): the robot's true positions (world frame, m)."""
     events: tuple[tuple[Event, ...], ...]
-    """What happened to the network at each reading."""
+    """The events of the network at each reading."""
 
 
 def drive(world: World, seed: int, path: float, mapper: str) -> Drive:
-    """Guide a robot from room to room for so many metres.
+    """Guide a robot from room to room for `path` metres.
 
     Raises:
-        InputError: The mapper is none of Albot1's.
+        InputError: The mapper is not one of Albot1's.
     """
     made = make_mapper(mapper)
     if not isinstance(made, Albot1):
@@ -83,7 +83,7 @@ def drive(world: World, seed: int, path: float, mapper: str) -> Drive:
     for reading in patrol(simulator, np.random.default_rng(seed)):
         made.update(reading)
         points.append(simulator.pose[:2])
-        # Every reading is a view, and an event names its view.
+        # Every reading is a view, and an event has the number of its view.
         events.append(tuple(event for event in made.events[-16:] if event.step == len(points)))
         way += float(np.hypot(*reading.motion[:2]))
         if way >= path:
@@ -101,7 +101,7 @@ def mistakes(
         same: Which positions are the same place.
 
     Returns:
-        Of each mistake the reading, the event, and the share of positions in both places.
+        For each mistake the reading, the event, and the share of positions in both places.
     """
     rooms, doors = [], []
     for k, event, places, current in _followed(driven):
@@ -130,7 +130,7 @@ def comparisons(
 
 
 def _followed(driven: Drive) -> Iterator[tuple[int, Event, Int64[np.ndarray, "earlier"], int]]:
-    """Yield each event with its reading, the place of each earlier reading, and that after it."""
+    """Yield each event with its reading, the earlier readings' places, and the present place."""
     places, current = np.zeros(len(driven.points), np.int64), 0
     for k, events in enumerate(driven.events):
         for event in events:
@@ -145,7 +145,7 @@ def _followed(driven: Drive) -> Iterator[tuple[int, Event, Int64[np.ndarray, "ea
 
 
 def _next_door(driven: Drive, reading: int) -> int:
-    """The reading after the last of those that are judged together."""
+    """Return the end of the readings that are judged together with a door's reading."""
     end = min(reading + JUDGED, len(driven.points))
     for later in range(reading + 1, end):
         if any(event.kind in THROUGH for event in driven.events[later]):
@@ -156,10 +156,10 @@ def _next_door(driven: Drive, reading: int) -> int:
 def _overlap(
     same: Bool[np.ndarray, "readings readings"], places: Int64[np.ndarray, "earlier"], event: Event
 ) -> float:
-    """The larger share of the positions in one of two places that are in the other as well."""
+    """Return the larger share of one place's positions that are in the other place as well."""
     one, other = (np.flatnonzero(places == place) for place in (event.place, event.other))
     if not (len(one) and len(other)):
-        return 1.0  # Nothing was seen of one of them but the doorway.
+        return 1.0  # Only the doorway of one of them was seen.
     return max(_share(same, one, other), _share(same, other, one))
 
 
@@ -168,7 +168,7 @@ def _share(
     one: Int64[np.ndarray, "ones"],
     other: Int64[np.ndarray, "others"],
 ) -> float:
-    """The share of some positions that are the same place as one of others."""
+    """Return the share of positions in `one` that are the same place as one of `other`."""
     return float(same[np.ix_(one, other)].any(axis=1).mean()) if len(one) else 1.0
 
 

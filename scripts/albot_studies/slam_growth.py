@@ -68,7 +68,7 @@ class Memory(NamedTuple):
     help="The picture.",
 )
 def command(laps: int, out: Path) -> None:
-    """Measure what scans cost, lap by lap; print the figures and draw them."""
+    """Measure the cost of scans lap by lap; print the figures and draw them."""
     rounds = drive_laps(laps)
     timed = {
         line: config for line, config in TIMED if line.partition(",")[0] in installed_mappers()

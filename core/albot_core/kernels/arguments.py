@@ -71,7 +71,7 @@ class ArgumentsCache:
         """Return the arguments made from these parts; parts are compared by identity, not value."""
         packed = self._packed
         if packed is None or any(map(is_not, parts, packed[0])):
-            # In one assignment, for threads that call this at the same time.
+            # A single assignment, for threads that call this at the same time.
             self._packed = packed = parts, KernelArguments(self._arrange(*parts))
         return packed[1]
 
@@ -106,7 +106,7 @@ class KernelDispatcher:
         signature = tuple(map(typeof, arguments))
         self.compiled.compile(signature)
         found: Callable[..., Any] = self.compiled.overloads[signature].entry_point
-        self._known = arguments[1].kind, found  # In one assignment, for threads.
+        self._known = arguments[1].kind, found  # A single assignment, for threads.
         return found
 
 
@@ -133,7 +133,7 @@ def _kind_of(arguments: KernelArguments, _: Any) -> KernelArgumentsType:
 
 @register_model(KernelArgumentsType)
 class _ArgumentsModel(models.PrimitiveModel):
-    """Compiled code holds kernel arguments as their address."""
+    """The numba model of kernel arguments: their address."""
 
     def __init__(self, manager: Any, kind: KernelArgumentsType) -> None:
         super().__init__(manager, kind, ir.IntType(64))  # type: ignore[no-untyped-call]

@@ -1,7 +1,7 @@
-"""How functions are compiled, and how long what was compiled is kept.
+"""Compilation of functions, and how long compiled code is kept.
 
-numba keeps compiled code beside the source, until the file changes that a function stands in. Here
-it is kept until any file changes that this file imports, or that such a file imports (`stamp`).
+numba keeps compiled code beside the source until the file changes that defines the function. Here
+it is kept until any file changes that this file imports, directly or indirectly (`stamp`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from albot_core.kernels.stamp import stamp_of
 
 _config: Any = config
 ZERO: Any = np.int64(0)
-"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
+"""0 as an int64. numba has an own type for a literal 0, for which it would compile a callee
+again."""
 _WORD = ir.IntType(64)
 
-# What compiled code returns is wrapped with the help of a Python function of numba's. A Ctrl-C that
-# had been pressed meanwhile was raised in there, where nobody looks for it: the process ended with
-# a SystemError, or a segmentation fault. With a cache, which is written in C, that function runs
-# once only, and Python finds the signal after the call has returned.
+# numba wraps the results of compiled code by a Python function. A Ctrl-C pressed during the call
+# was raised inside that function, where no code handles it, and the process ended with a
+# SystemError or a segmentation fault. With a cache, which is written in C, the function runs only
+# once, and Python finds the signal after the call has returned.
 _numba: Any = serialize
 _numba._numba_unpickle = cache(_numba._numba_unpickle)
 
@@ -38,18 +39,18 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function], Function]:
-    """A decorator: compiles a function, which then divides as numpy does (by zero: inf or NaN).
+    """Compile a function (a decorator); division by zero in it gives inf or NaN, as in numpy.
 
     An array is passed in seven registers, a view or a map in dozens. So a kernel is always inlined
-    where another kernel calls it, however long it is; but not one that makes arrays.
+    where another kernel calls it, however long it is, unless it makes arrays.
 
     numba counts references to an array with atomic instructions each time it is passed on, which
     costs more than the work of a short function. Only functions that make or return arrays need
-    reference counts, and those that call such with arrays they were given.
+    reference counts, and those that call such functions with arrays they were given.
 
     Args:
-        arrays: Whether it makes, copies or returns arrays (numba's option `_nrt`).
-        nogil: Whether Python's other threads may run meanwhile.
+        arrays: Whether the function makes, copies or returns arrays (numba's option `_nrt`).
+        nogil: Whether Python's other threads may run during a call.
     """
     options: dict[str, Any] = {
         "nopython": True,
@@ -72,49 +73,49 @@ def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function],
 
 
 def _tie_to_imports(function: Any, kept: Any) -> None:
-    """Let what is kept of a function's compiled code be found only where all that it holds is so.
+    """Use a function's kept code only if all files that may be part of it are unchanged.
 
     Args:
         function: The function.
-        kept: What numba keeps compiled code with.
+        kept: numba's store of the compiled code.
     """
     path = Path(function.__code__.co_filename)
-    # By the version, which numba reads first: an index kept of other kernels may name types that
-    # are gone, and could not even be unpickled to look for a stamp in it.
+    # By the version, which numba reads first: an index kept for other versions of kernels may name
+    # types that no longer exist, and so could not be unpickled to look for a stamp in it.
     index = kept._cache_file
     index._version = f"{index._version} {stamp_of(function.__module__, path)}"
     load, key = index._load_index, kept._index_key
 
     def load_index() -> Any:
-        """What is kept, unless it is of types that the imports do not tell and that are gone."""
+        """Return the index of kept code; empty if it names types that no longer exist."""
         try:
             return load()
         except (AttributeError, ImportError):
             return {}
 
     def key_of(signature: Any, codegen: Any) -> Any:
-        """What numba looks for, and the fields of named tuples, which it does not compare."""
+        """Return numba's key, with the fields of named tuples, which numba does not compare."""
         return *key(signature, codegen), tuple(_fields_of(getattr(signature, "args", signature)))
 
     index._load_index, kept._index_key = load_index, key_of
 
 
 def _fields_of(kinds: Iterable[Any]) -> Iterator[tuple[str, ...]]:
-    """The names of the fields of all named tuples in some of numba's types."""
+    """Yield the names of the fields of all named tuples in some of numba's types."""
     for kind in kinds:
         if isinstance(kind, types.BaseTuple):
             yield tuple(getattr(kind, "fields", ()))
             parts: Any = kind
             yield from _fields_of(parts)
-        elif hasattr(kind, "contents"):  # Those of kernel arguments.
+        elif hasattr(kind, "contents"):  # The contents of kernel arguments.
             yield from _fields_of((kind.contents,))
 
 
 def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
-    """Makes a function that compiled code calls for a small array on the stack.
+    """Return a function that compiled code calls for a small array on the stack.
 
-    The array is uninitialised, and gone when the function ends that called for it, which must not
-    return it. Within one call of that function it is the same array each time.
+    The array is uninitialised. It is valid until the calling function ends, which must not return
+    it. Within one call of that function it is the same array each time.
 
     Args:
         shape: The length of each axis.
@@ -134,9 +135,9 @@ def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
 
 
 def array_at(*columns: int, kind: Any = types.float64) -> Callable[[int, int], np.ndarray]:
-    """Makes a function that compiled code calls with an address and a length for the array there.
+    """Return a function that compiled code calls with an address and a length for the array there.
 
-    Its references are not counted: the caller must keep its memory alive.
+    References to the array are not counted: the caller must keep its memory alive.
 
     Args:
         columns: The lengths of the axes after the first.
@@ -166,14 +167,14 @@ def _load_element(typing: Any, array: Any, place: Any) -> Any:
 
 
 load_element = cast(Callable[[np.ndarray, int], Any], intrinsic(_load_element))
-"""`array[place]`, for a contiguous array with one axis, by a load of its own.
+"""Return `array[place]`, for a contiguous array with one axis, by a separate load.
 
-The compiler turns a loop over scattered places into gather instructions, which on some processors
-take longer than as many loads. It does not do so with atomic loads."""
+The compiler turns a loop over scattered elements into gather instructions, which on some processors
+take longer than the same number of loads. It does not do so with atomic loads."""
 
 
 def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list[Any]) -> Any:
-    """The array of the signature's type at a pointer, without a reference count."""
+    """Return the array of the signature's type at a pointer, without a reference count."""
     kind = signature.return_type
     element = context.get_data_type(kind.dtype)
     size = ir.Constant(_WORD, context.get_abi_sizeof(element))

@@ -1,11 +1,12 @@
-"""Kernels that other kernels call become part of those, and are made machine code once.
+"""Linking of kernels: a kernel called by others becomes part of them before machine code is made.
 
-To numba each compiled function is a library of its own: with wrappers for calls from Python and
-from C, optimised, with machine code. Whatever calls it takes it in and optimises it again, level by
-level. Here a kernel that other kernels call stays intermediate code (LLVM IR). When Python calls a
-kernel, all that it needs is linked, and optimised and made machine code once.
+To numba each compiled function is a library of its own, with wrappers for calls from Python and
+from C, optimised, and with machine code. Each caller includes that library and optimises it again,
+level by level. Here a kernel that other kernels call stays intermediate code (LLVM IR). When Python
+calls a kernel, all code that it needs is linked, optimised and turned into machine code once.
 
-Only what Python has called is kept on disk: its machine code holds all that it calls.
+Only kernels that Python has called are kept on disk: their machine code contains all that they
+call.
 """
 
 from __future__ import annotations
@@ -45,20 +46,20 @@ class Kernel(registry.CPUDispatcher):
         """The same function, as other kernels call it."""
         self._compiler = _KernelCompiler(self)
 
-    # What numba asks when another kernel calls this one: its types, its code, and whether it is
-    # being compiled, by which recursion is known.
+    # numba asks for these when another kernel calls this one: for its types, its code, and whether
+    # it is being compiled, which shows a recursion.
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """The types that the function takes and returns where its arguments have these types."""
+        """Return the types of the arguments and of the result for arguments of these types."""
         return self.linked.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
-        """By what `get_function` of numba's target finds the code for these types."""
+        """Return the key by which numba's `get_function` finds the code for these types."""
         return self.linked.get_overload(sig)
 
     @property
     def is_compiled(self) -> bool:
-        """Whether there is machine code of it for any types, in this process or on disk."""
+        """Whether machine code for any types exists, in this process or on disk."""
         kept: Any = self._cache  # type: ignore[attr-defined]
         return bool(self.overloads or kept._cache_file._load_index())
 
@@ -78,12 +79,12 @@ class _LinkedKernel(registry.CPUDispatcher):
         )
 
     def add_overload(self, cres: Any) -> None:
-        """Keep what was compiled; Python cannot call it."""
+        """Keep the compiled code; Python cannot call it."""
         self.overloads[tuple(cres.signature.args)] = cres
 
 
 class _LinkedCompiler(_FunctionCompiler):  # type: ignore[misc]
-    """Makes intermediate code of a function, and nothing else."""
+    """A compiler that makes only the intermediate code of a function."""
 
     def _compile_core(self, args: Any, return_type: Any) -> Any:
         flags = _compiler.Flags()
@@ -109,11 +110,11 @@ class _LinkedCompiler(_FunctionCompiler):  # type: ignore[misc]
 
 
 class _Name:
-    """By what a caller finds the code of a function that Python cannot call."""
+    """The key by which a caller finds the code of a function that Python cannot call."""
 
 
 class _KernelCompiler(_FunctionCompiler):  # type: ignore[misc]
-    """Makes machine code of a linked kernel and of all that it calls, with a wrapper for Python."""
+    """A compiler of a kernel and of all its callees to machine code, with a Python wrapper."""
 
     def __init__(self, kernel: Kernel) -> None:
         super().__init__(
@@ -129,8 +130,9 @@ class _KernelCompiler(_FunctionCompiler):  # type: ignore[misc]
             return self._link(self._kernel.linked.overloads[tuple(args)])
 
     def _link(self, linked: Any) -> Any:
-        # Constants of its own: where this is loaded beside the linked function, which another
-        # process may have named alike, that one's are not what the wrapper looks for.
+        # The code gets an environment (its constants) of its own. The linked function, loaded in
+        # the same process, may have the same environment name, and the wrapper would find the
+        # environment of that function.
         descriptor, context = copy(linked.fndesc), linked.target_context
         descriptor.env_name += ".python"
         environment = _Environment.from_fndesc(descriptor)
@@ -158,10 +160,10 @@ class _KernelCompiler(_FunctionCompiler):  # type: ignore[misc]
 
 @contextmanager
 def _garbage_left() -> Iterator[None]:
-    """Let the garbage collector wait until a function is compiled.
+    """Suspend the garbage collector while a function is compiled.
 
     It would take a seventh of the time, and find little: most of a compiler's many objects are in
-    use until then.
+    use until the end.
     """
     was_enabled = gc.isenabled()
     gc.disable()
@@ -173,7 +175,7 @@ def _garbage_left() -> Iterator[None]:
 
 
 class _LinkedLibrary(JITCodeLibrary):
-    """The intermediate code of one function, and where that of the functions it calls is."""
+    """The intermediate code of one function, with references to the code of its callees."""
 
     exported = ""
     """The function's name in the code."""
@@ -184,7 +186,7 @@ class _LinkedLibrary(JITCodeLibrary):
         self._others: dict[Any, None] = {}
 
     def add_linking_library(self, library: Any) -> None:
-        """Note that this code needs another library, and all that that needs."""
+        """Record that this code needs another library, and all libraries that it needs."""
         if isinstance(library, _LinkedLibrary):
             self._parts |= library._parts | {library: None}
             self._others |= library._others
@@ -194,18 +196,18 @@ class _LinkedLibrary(JITCodeLibrary):
         self._reload_init.update(library._reload_init)
 
     def finalize(self) -> None:
-        """Nothing is left to do: there is no machine code."""
+        """Mark the library as finished; there is no machine code to make."""
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """The code of this function and of all that it calls."""
+        """Return the code of this function and of all that it calls."""
         whole = self._final_module.clone()
         for part in self._parts:
             whole.link_in(part._final_module, preserve=True)
         for library in self._others:
             whole.link_in(library._get_module_for_linking(), preserve=True)
-        # numba looks for such functions by their names as it links, and not in code that was kept:
-        # there the call would jump to address 0.
+        # numba resolves such functions by name when it links, but not in code kept on disk: there
+        # the call would jump to address 0.
         if any(each.name.startswith(RuntimeLinker.PREFIX) for each in whole.global_variables):
             raise UnsupportedError(f"{self.name}: a kernel calls itself by way of another one")
         for function in whole.functions:

@@ -261,17 +261,17 @@ def float64_predicate(function: Callable[..., Masks]) -> Predicate:
 
 
 def float32_predicate(function: Callable[..., Masks]) -> Predicate:
-    """As `float64_predicate`, for sixteen columns of float32; the numbers are float32, too."""
+    """Do the same as `float64_predicate` for sixteen columns of float32, with float32 numbers."""
     return _make_predicate(function, (types.float32,), LANES32)
 
 
 def mixed_predicate(function: Callable[..., Masks]) -> Predicate:
-    """As `float64_predicate`, for two arrays, each with a first column; the second is float32."""
+    """Do the same as `float64_predicate` for two arrays; the second array is float32."""
     return _make_predicate(function, (types.float64, types.float32), LANES)
 
 
 def uint64_predicate(function: Callable[..., UInt64Vector]) -> Predicate:
-    """As `float64_predicate`, for eight columns of uint64; the numbers are uint64, too."""
+    """Do the same as `float64_predicate` for eight columns of uint64, with uint64 numbers."""
     return _make_predicate(function, (types.uint64,), LANES, UInt64Vector, UInt64Table)
 
 

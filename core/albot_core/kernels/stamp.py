@@ -1,9 +1,9 @@
 """The stamp of compiled code: a digest of all files that may be part of it.
 
-numba keeps compiled code beside the source, and looks only at the file that a function stands in.
-A function that it calls, or a constant that it takes, may have changed in another file. All such
-come by imports. So the stamp of a module is a digest of its own file, of those that it imports, of
-those that these import, and so on.
+numba keeps compiled code beside the source, and checks only the file that defines the function. But
+a function that it calls, or a constant that it uses, may have changed in another file. All of these
+are imported. So the stamp of a module is a digest of its own file and of all files that it imports,
+directly or indirectly.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ class SourceFile(NamedTuple):
 def stamp_of(module: str, path: Path) -> str:
     """Return the digest of a module's file and of all files that it imports, directly or not.
 
-    Files of our packages and of the module's own package are followed; of a module that is
-    installed nowhere, also those that stand beside it. A file that cannot be read counts as empty.
+    Files of our packages and of the module's own package are followed; for a module that is not
+    installed, also the files beside it. A file that cannot be read counts as empty.
 
     Args:
         module: The module's full name.
         path: Its file.
     """
-    # Of a program's own file the name is no name of a module.
+    # A program's own file has a name that is no module's.
     first = SourceFile(path.stem if module == "__main__" else module, path)
     reached, waiting = {first}, [first]
     while waiting:
@@ -61,7 +61,7 @@ def stamp_of(module: str, path: Path) -> str:
 
 @cache
 def _imported(file: SourceFile) -> frozenset[SourceFile]:
-    """The files that a file imports, of those that are followed."""
+    """Return the files that a file imports, as far as they are followed."""
     parts = file.name.split(".")
     is_package = file.path.stem == "__init__"
     folder = file.path.parents[len(parts) - (0 if is_package else 1)]
@@ -82,11 +82,11 @@ def _imported(file: SourceFile) -> frozenset[SourceFile]:
 
 @cache
 def _file_of(name: str, folder: Path, package: str) -> SourceFile | None:
-    """The file of a module, or None if it is none that is followed.
+    """Return the file of a module, or None if the module is not followed.
 
     Args:
         name: The module's full name.
-        folder: What the package stands in of the module that imports it.
+        folder: The folder that contains the package of the importing module.
         package: That package's name.
     """
     first, *others = name.split(".")
@@ -108,7 +108,7 @@ def _file_of(name: str, folder: Path, package: str) -> SourceFile | None:
 
 @cache
 def _folder_of(package: str) -> Path | None:
-    """The folder that one of our packages stands in."""
+    """Return the folder that contains one of our packages."""
     spec = find_spec(package)
     places = (spec.submodule_search_locations or []) if spec is not None else []
     return next((Path(place).parent for place in places), None)

@@ -85,9 +85,9 @@ def correlate_above(
     window: Window,
     prior: Float64[np.ndarray, "3"],
 ) -> Correlation | None:
-    """Find the best pose of a window like `correlate`, or None where no score is above the least.
+    """Find the best pose of a window like `correlate`, or None if no score is above `least`.
 
-    Where the least is high, most of a window in which nothing fits is never searched.
+    If `least` is high, most of a window in which nothing fits is not searched.
     """
     cell = field.config.cell
     reach = math.ceil(window.reach / cell - 1e-9)

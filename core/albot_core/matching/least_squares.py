@@ -84,7 +84,7 @@ def pulled_by_point(
     cos: float,
     sin: float,
 ) -> Equations:
-    """Add the equations that lay the end `side` of a landmark on that of its remembered surface."""
+    """Add the equations that move a landmark's end `side` to that of its remembered surface."""
     px, py = seen[2 * side], seen[2 * side + 1]
     x, y = rotate(cos, sin, px, py)
     ex = expected[2 * side] - correction[0] - x
@@ -104,7 +104,7 @@ def pulled_by_line(
     cos: float,
     sin: float,
 ) -> Equations:
-    """Add the equations that lay both ends of the common part on a recognised wall."""
+    """Add the equations that move both ends of the common part onto a recognised wall."""
     ux, uy = wall[6], wall[7]
     x0, y0 = rotate(cos, sin, seen[0], seen[1])
     x1, y1 = rotate(cos, sin, seen[2], seen[3])

@@ -1,4 +1,4 @@
-"""The likelihood field: how likely a beam is to end at each place, over several resolutions.
+"""The likelihood field: how likely a beam is to end at each point, at several resolutions.
 
 It is a square of cells around the robot. The likelihood of a cell is a Gaussian of its distance
 from the nearest point of the scans that were added (S. Thrun, W. Burgard and D. Fox, Probabilistic

@@ -1,10 +1,10 @@
-"""Matching the lines of two places: which are the same, and where one place lies in the other.
+"""Matching of the lines of two places: which lines match, and the pose of one place in the other.
 
 This is the search of Hossain (2014), algorithms 6 and 8, for any two sets of line segments. Each
-line of one set is assumed to be the same as each of the other, which gives a pose. The best of all
-these poses is the one under which most lines coincide. It is refined by Gauss-Newton steps.
+pair of one line of either set is assumed to match, which gives a pose. The best of these poses is
+the one at which most lines coincide. It is refined by Gauss-Newton steps.
 
-Compiled code takes lines as rows (`lines`). A pose is that of the second set's frame in the first
+In compiled code lines are rows (`lines`). A pose is that of the second set's frame in the first
 set's frame.
 """
 
@@ -31,7 +31,7 @@ from albot_core.matching.lines import MIN_OVERLAP, describe_all, wrap
 from albot_core.ranges import POSITIVE, Range, check_fields
 
 MAX_LINES = 48
-"""Largest number of lines that are compared, the longest ones: the work grows with the fourth power
+"""Maximum number of lines that are compared, the longest ones: the work grows with the fourth power
 of their number."""
 
 
@@ -63,16 +63,16 @@ class MatchConfig:
 
     @property
     def limits(self) -> MatchLimits:
-        """The same values as compiled code takes them."""
+        """The values that compiled code takes."""
         return MatchLimits(
             self.min_length, self.max_gap, self.max_angle, self.max_shift, self.max_turn
         )
 
 
 class ByTurn(NamedTuple):
-    """Pairs of a line of mine and one of theirs, in the order of the turn between their headings.
+    """Pairs of a line of mine and one of theirs, ordered by the turn between their headings.
 
-    The turn lays the heading of theirs on that of mine.
+    The turn rotates the heading of their line to that of mine.
     """
 
     angles: Float64[np.ndarray, "pairs"]
@@ -89,11 +89,12 @@ class AlikeHeadings(NamedTuple):
     turns: ByTurn
     """All pairs."""
     first: int
-    """The first of them."""
+    """The index of the first of these pairs in `turns`."""
     size: int
-    """Their number; after the last of all pairs come those from the first on."""
+    """The number of these pairs; after the last pair of `turns` they continue with its first
+    one."""
     counted: Int64[np.ndarray, "theirs"]
-    """Scratch: the number of the pose at which each of theirs was counted last."""
+    """Scratch: the number of the pose at which each of their lines was last counted."""
     number: int
     """The number of this pose, from 1."""
 
@@ -104,13 +105,13 @@ class LineMatch(NamedTuple):
     pose: Pose
     """Pose of the other place's frame."""
     matches: int
-    """Number of lines that are the same."""
+    """Number of lines that match."""
     left: int
     """Number of these lines that are to the left of the robot."""
     right: int
     """Number of these lines that are to the right of the robot."""
     share: float
-    """Match score: the share of the shorter description's total length that is the same."""
+    """Match score: the share of the shorter description's total length that matches."""
 
 
 def match_lines(
@@ -137,14 +138,14 @@ def match_everywhere(
 ) -> list[LineMatch]:
     """Find the best matches of a place that may be anywhere, the best first.
 
-    They differ in where the robot is in the place: by more than 1 m or 20° (ALIKE).
+    The robot's poses in the place, by these matches, differ by more than 1 m or 20° (ALIKE).
 
     Args:
         mine: Lines of the present place (n, 4), in the map's frame (m).
         theirs: Lines of the remembered place (m, 4), in its own frame (m).
         robot: The robot's pose, in the map's frame.
-        config: When lines match; its limits of where the place is do not count.
-        count: How many matches are looked for; fewer may be found.
+        config: When lines match; its limits of the place's position are not used.
+        count: Maximum number of matches.
     """
     here, there = line_rows(mine, config), line_rows(theirs, config)
     limits = config.limits._replace(max_shift=np.inf, max_turn=np.pi)
@@ -165,7 +166,7 @@ def _refined(
     robot: Pose,
     limits: MatchLimits,
 ) -> LineMatch:
-    """Return the match of two places' rows near a pose under which `most` lines are the same."""
+    """Return the match of two places' rows, near a pose at which `most` lines match."""
     counts = np.zeros(3, np.int64)
     share = refine_match(here, there, robot, limits, pose, counts) if most else 0.0
     return LineMatch(pose, int(counts[0]), int(counts[1]), int(counts[2]), float(share))
@@ -191,9 +192,9 @@ def _search(
     best: np.ndarray,
     most: np.ndarray,
 ) -> None:
-    """Set the poses (n, 3), no two alike, under which most lines are the same, and how many.
+    """Set `best` (n, 3) to distinct poses at which most lines match, `most` to their number.
 
-    Lines are paired under a pose only where so many may be the same that the pose would be kept.
+    Lines are paired at a pose only if enough lines may match for the pose to be kept.
     """
     pose, pairs, last = np.empty(3), np.empty(theirs.shape[0], np.int64), np.argmin(most)
     turned, taken = by_heading(mine), np.empty(mine.shape[0], np.bool_)
@@ -233,22 +234,22 @@ def _by_turn(mine: np.ndarray, theirs: np.ndarray) -> ByTurn:
 
 @kernel()
 def _find_turn(turns: ByTurn, turn: float, width: float) -> tuple[int, int]:
-    """Return the first of the pairs whose turn differs by no more than the width (rad).
+    """Return the first of the pairs whose turn differs by at most the width (rad).
 
-    Returns also their number; after the last of all pairs come those from the first on.
+    Returns also the number of these pairs, which continue with the first of all after the last.
     """
     size = turns.angles.shape[0]
     if width >= np.pi:
         return 0, size
     first = first_from(turns.angles, wrap(turn - width))
     end = first_from(turns.angles, wrap(turn + width))
-    # One that is as large as the width lies within; rounding does not matter so near to the limit.
+    # A turn that differs by exactly the width is included; rounding does not matter at the limit.
     return first, end - first if wrap(turn - width) <= wrap(turn + width) else end + size - first
 
 
 @kernel()
 def _turn_middles(lines: np.ndarray, turn: float, middles: np.ndarray) -> None:
-    """Set where the lines' middles come by a turn (n, 2)."""
+    """Set `middles` (n, 2) to the lines' middles after a turn."""
     cos, sin = np.cos(turn), np.sin(turn)
     for q in range(lines.shape[0]):
         x, y = 0.5 * (lines[q, 0] + lines[q, 2]), 0.5 * (lines[q, 1] + lines[q, 3])
@@ -264,17 +265,18 @@ def _most_pairs(
     pose: np.ndarray,
     max_gap: float,
 ) -> int:
-    """Return a number that the lines which are the same under a pose do not exceed.
+    """Return an upper bound of the number of lines that match at a pose.
 
-    It is how many of theirs may be the same as one of mine, which another may be, too.
+    It is the number of their lines that may match one of mine, even if another matches the same
+    one.
 
     Args:
         mine: Lines of the present place, as rows (n, 8).
         theirs: Lines of the remembered place, as rows (m, 8).
-        alike: The pairs of about the same heading under the pose.
-        middles: Where the middles of theirs come by the pose's turn (m, 2).
+        alike: The pairs of about the same heading at the pose.
+        middles: The middles of their lines after the pose's turn (m, 2).
         pose: The pose.
-        max_gap: The largest mean distance of two lines that are the same (m).
+        max_gap: The largest mean distance of two matching lines (m).
     """
     turns, bound = alike.turns, 0
     for n in range(alike.first, alike.first + alike.size):
@@ -291,12 +293,12 @@ def _most_pairs(
 
 @kernel()
 def _may_be_same(wall: np.ndarray, x: float, y: float, length: float, max_gap: float) -> bool:
-    """Return whether a line of about a wall's heading can be near it and overlap it.
+    """Return whether a line of about a wall's heading can be near the wall and overlap it.
 
     Args:
         wall: The wall, as a row.
-        x: Where the line's middle is (m).
-        y: Its other coordinate (m).
+        x: The x coordinate of the line's middle (m).
+        y: The y coordinate of the line's middle (m).
         length: The line's length (m).
         max_gap: The largest mean distance of the two (m).
     """
@@ -317,7 +319,7 @@ def _keep(
     best: np.ndarray,
     most: np.ndarray,
 ) -> bool:
-    """Keep a pose instead of those alike, or of the worst; false where one alike is as good."""
+    """Keep a pose for similar ones or the worst; return False if a similar one is as good."""
     slot = int(np.argmin(most))
     for q in range(most.shape[0]):
         if most[q] >= found and is_near(pose, best[q], robot, alike):
@@ -333,7 +335,7 @@ def _keep(
 
 @kernel()
 def lay_on(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -> None:
-    """Set the pose under which `other` lies on `one`.
+    """Set the pose at which `other` lies on `one`.
 
     The anchor says which of their points coincide: 0 the first ends, 1 the middles, 2 the last
     ends.
@@ -353,7 +355,7 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: Matc
     turn = wrap(pose[2] - guess[2])
     if abs(turn) > limits.max_turn:
         return False
-    # Where the point of the guessed place at the robot would move to.
+    # The point to which the guessed place's point at the robot would move.
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = robot[0] - guess[0], robot[1] - guess[1]
     x, y = transform_point(pose, cos, sin, x, y)

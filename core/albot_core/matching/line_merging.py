@@ -1,4 +1,4 @@
-"""Merging the lines of one description with new ones of the same place."""
+"""Merging of the lines of a place's description with new lines of the same place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def merge_lines(
 ) -> Float64[np.ndarray, "both 4"]:
     """Return the lines of a description merged with new ones, all in one frame (m).
 
-    Of two lines that are the same, the new one is kept unless it is much shorter.
+    Of two matching lines the new one is kept, unless it is much shorter.
     """
     old_rows, new_rows = np.empty((len(old), 8)), np.empty((len(new), 8))
     describe_all(np.ascontiguousarray(old), 0.0, old_rows)

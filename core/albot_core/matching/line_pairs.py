@@ -1,6 +1,6 @@
-"""Which lines of two places are the same under a pose, and the pose that lays them on each other.
+"""Pairing of the lines of two places at a pose, and refinement of the pose.
 
-Compiled code takes lines as rows (`lines`). A pose is that of the second set's frame in the first
+In compiled code lines are rows (`lines`). A pose is that of the second set's frame in the first
 set's frame.
 """
 
@@ -19,11 +19,11 @@ from albot_core.matching.lines import beside, moved_ends, wrap
 ROUNDS = 3
 """Number of times that the pose is refined."""
 ROUNDING = 1e-9
-"""What rounding may make of a heading (rad) or a distance (m)."""
+"""Upper bound of rounding errors of a heading (rad) or a distance (m)."""
 
 
 class MatchLimits(NamedTuple):
-    """`MatchConfig` as compiled code takes it (m, rad)."""
+    """The values of `MatchConfig` that compiled code takes (m, rad)."""
 
     min_length: float
     max_gap: float
@@ -33,10 +33,10 @@ class MatchLimits(NamedTuple):
 
 
 class ByHeading(NamedTuple):
-    """Lines in the order of their headings."""
+    """Lines ordered by their headings."""
 
     headings: Float64[np.ndarray, "n"]
-    """Their headings, ascending within [-pi, pi] (rad)."""
+    """The headings, ascending within [-pi, pi] (rad)."""
     order: Int64[np.ndarray, "n"]
     """The index of each of these lines."""
 
@@ -50,7 +50,7 @@ def refine_match(
     best: np.ndarray,
     counts: np.ndarray,
 ) -> float:
-    """Refine a pose and count the lines that are the same under it; return their share."""
+    """Refine a pose and count the lines that match at it; return their share."""
     pairs, taken = np.empty(theirs.shape[0], np.int64), np.empty(mine.shape[0], np.bool_)
     turned = by_heading(mine)
     for _ in range(ROUNDS):
@@ -69,7 +69,7 @@ def by_heading(lines: np.ndarray) -> ByHeading:
 
 @kernel()
 def first_from(headings: np.ndarray, least: float) -> int:
-    """Return the index of the first heading that is not below the least."""
+    """Return the index of the first heading that is not below `least`."""
     low, high = 0, headings.shape[0]
     while low < high:
         middle = (low + high) // 2
@@ -91,21 +91,21 @@ def pair_lines(
     pairs: np.ndarray,
     taken: np.ndarray,
 ) -> int:
-    """Fill `pairs` (m,) with the line of `mine` that equals each of `theirs`; -1 for none.
+    """Fill `pairs` (m,) with the line of `mine` that matches each of `theirs`; -1 for none.
 
-    Each takes the nearest of mine that is not yet taken; of equally near ones, the first. Returns
-    the number of pairs; it stops where there can no longer be more than `most`.
+    Each line gets the nearest of mine that is not yet taken; of equally near ones, the first.
+    Returns the number of pairs; the loop stops when there can no longer be more than `most`.
 
-    Only lines of about the same heading are looked at. In a building they are a share of all; in
-    the open, where headings are many and a place is large, they are few of many.
+    Only lines of about the same heading are compared. In a building these are a share of all lines;
+    in the open, where headings are many and a place is large, they are few.
 
     Args:
         mine: Lines of the present place, as rows (n, 8).
-        turned: The same by heading.
+        turned: The same lines by heading.
         theirs: Lines of the remembered place, as rows (m, 8).
-        pose: Pose of its frame.
+        pose: Pose of the remembered place's frame.
         limits: When lines match.
-        most: As above.
+        most: Number of pairs that must be exceeded.
         pairs: Filled in (m,).
         taken: Scratch buffer (n,).
     """
@@ -120,7 +120,7 @@ def pair_lines(
         pairs[q] = -1
         best = limits.max_gap
         heading, ends = wrap(theirs[q, 5] + pose[2]), moved_ends(theirs[q], pose, cos, sin)
-        # Slightly more than those of the same heading, which are then told exactly.
+        # Slightly more than the lines of the same heading, which are then tested exactly.
         widest = limits.max_angle + ROUNDING
         first = first_from(turned.headings, wrap(heading - widest)) if widest < np.pi else 0
         for step in range(count):
@@ -142,9 +142,9 @@ def pair_lines(
 
 @kernel()
 def _refine(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.ndarray) -> None:
-    """Apply a Gauss-Newton step to the pose, which lays the paired lines on each other."""
+    """Apply a Gauss-Newton step to the pose, which aligns the paired lines."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    # A single wall leaves the position along it open; the weak prior holds it.
+    # A single wall does not fix the position along it; the weak prior does.
     equations = stiff(1.0, 1e-3)
     for q in range(theirs.shape[0]):
         if pairs[q] >= 0:

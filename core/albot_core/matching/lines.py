@@ -1,4 +1,4 @@
-"""Lines as rows, and what comparisons need of them. Compiled.
+"""Lines as rows, and functions to compare them. Compiled.
 
 A row is x1, y1, x2, y2 (m), length (m), heading (rad), and the unit vector along the line.
 """
@@ -38,7 +38,7 @@ def describe(line: np.ndarray, row: np.ndarray) -> None:
 
 @kernel()
 def measure(line: np.ndarray, row: np.ndarray) -> None:
-    """Fill a row except its heading, which takes longer than all the rest."""
+    """Fill a row except its heading, whose computation takes longer than all the rest."""
     for i in range(4):
         row[i] = line[i]
     length = line_length(line)

@@ -50,23 +50,23 @@ class PanoramaMatch:
     pose: Pose
     """Pose of the other one's frame in this one's."""
     agreed: float
-    """Share of the directions, of both, in which one shows what the other does."""
+    """Share of the directions, of both, in which one panorama shows what the other does."""
     contradicted: float
-    """Share of the directions, of both, in which one shows something where the other saw free
-    space."""
+    """Share of the directions, of both, in which one panorama shows an obstacle where the other saw
+    free space."""
     sight: float
-    """Distance that each sees beyond the other's origin, the smaller of the two (m); negative if
-    something stands between."""
+    """Distance that each panorama sees beyond the other's origin, the smaller of the two (m);
+    negative if an obstacle is in between."""
 
 
 def match_panoramas(mine: Panorama, theirs: Panorama, *guesses: Pose) -> PanoramaMatch:
-    """Align one panorama with another, near guesses of where its frame lies in mine.
+    """Align one panorama with another, near guesses of the pose of its frame in mine.
 
     All shifts up to 1 m and turns up to 20° from each guess are tried on a grid. The best pose is
-    refined until nothing is gained (the search of E. Olson, Real-time correlative scan matching,
-    ICRA 2009). The score is agreement less contradiction: if a wall of one lies before the wall of
-    the other, the other would have seen it. A wall that lies behind is hidden; it neither agrees
-    nor contradicts.
+    refined until the score no longer grows (the search of E. Olson, Real-time correlative scan
+    matching, ICRA 2009). The score is agreement less contradiction: if a wall of one panorama lies
+    before the wall of the other, the other would have seen it. A wall that lies behind is hidden;
+    it neither agrees nor contradicts.
     """
     pose, best = np.zeros(3), _Quality(-np.inf, 0.0, 0.0, 0.0)
     for guess in guesses:
@@ -170,7 +170,7 @@ def _tally(
     step: int,
     counts: np.ndarray,
 ) -> None:
-    """Add to `counts` the points of one that agree with, contradict, or are hidden from another.
+    """Add to `counts` the points that agree with, contradict, or are hidden from a panorama.
 
     `x`, `y` and `turn` are the pose of the points' frame in the frame of `spans`.
     """

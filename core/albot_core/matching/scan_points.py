@@ -1,9 +1,9 @@
-"""The points of a laser scan that are matched, and those that later scans are matched with.
+"""The points of a laser scan that are matched, and those with which later scans are matched.
 
 Points are dense on near surfaces and sparse on far ones. So a scan is matched by thinned points
 (`matched_points`), and the local map holds points that are filled in along surfaces
 (`surface_points`), since there is wall between two beams that hit the same wall. Otherwise points
-would be drawn to the places where earlier beams ended.
+would be drawn to the positions where earlier beams ended.
 """
 
 from __future__ import annotations

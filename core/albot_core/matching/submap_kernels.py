@@ -1,8 +1,8 @@
 """Compiled matching of local submaps: lines propose poses, scans decide.
 
-Algorithm 6 of Hossain (2014) assumes that each line of one place is the same as each of the other
-(see `lines`). Here each resulting pose is scored by what was seen: points of one submap that fall
-on walls of the other count for the pose, and points that fall where the other saw free space count
+Algorithm 6 of Hossain (2014) assumes in turn that each pair of one line of either place matches
+(see `lines`). Here each resulting pose is scored by the scans: points of one submap that fall on
+walls of the other count for the pose, and points that fall where the other saw free space count
 against it.
 """
 
@@ -21,22 +21,22 @@ CELLS = 220
 """Number of cells along each side of the grid, with the robot in the middle."""
 MIDDLE = CELLS // 2 + 0.37
 """The robot's position along each side, in cells. It is not at a corner: in generated worlds walls
-stand at round distances from it, and would be in one cell or the next by chance."""
+stand at round distances from it, and rounding would decide the cell."""
 UNKNOWN, FREE, WALL = 0, 1, 2
 """States of a cell; a wall is three cells wide."""
 
 FREE_PENALTY = 2.0
 """Weight of a point in free space, relative to a point on a wall."""
 COARSE = 4
-"""Proposed poses are compared by one in this many points."""
+"""Proposed poses are compared by every n-th point only."""
 STEP, TURN, HALVINGS, ROUNDS = 0.2, np.radians(4.0), 4, 10
 """Refinement: first steps (m, rad), number of step sizes, each half the one before, and largest
 number of rounds with each."""
 ASIDE = 1.2
-"""Distance aside at which the submaps should no longer match (m)."""
+"""Distance of the shifted poses at which the submaps should no longer match (m)."""
 AMBIGUITY_WEIGHT = 0.5
-"""Share of the best score at that distance that is subtracted: along a bare corridor a match means
-little."""
+"""Weight of the best score among these poses, which is subtracted: along a bare corridor a match
+has little meaning."""
 
 
 @kernel(arrays=True)
@@ -94,7 +94,7 @@ def _propose(
     limits: MatchLimits,
     best: np.ndarray,
 ) -> bool:
-    """Set `best` to the pose of best score that two lines propose; return False if none does."""
+    """Set `best` to the best pose that two lines propose; return False if no pose is proposed."""
     pose, nowhere = np.empty(3), np.zeros(3)
     most = -np.inf
     for j in range(mine.shape[0]):
@@ -113,7 +113,7 @@ def _propose(
 
 @kernel()
 def _score(points: np.ndarray, grid: np.ndarray, pose: np.ndarray, every: int) -> float:
-    """Return the points on walls of the grid at `pose`, less the weighted ones in free space."""
+    """Return the number of points on walls at `pose`, less the weighted number in free space."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     total = 0.0
     for k in range(0, points.shape[0], every):

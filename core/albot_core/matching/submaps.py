@@ -1,4 +1,4 @@
-"""Local submaps: what a robot saw on the last part of its path, to be matched with others."""
+"""Local submaps: what a robot saw on the last part of its path, for matching with other submaps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LINE_RANGE = 8.0
 MAX_LINES = 28
 """Largest number of the lines that propose poses, the longest ones."""
 GRAIN = 0.2
-"""Points closer to each other than about this count as one (m)."""
+"""Approximate distance below which two points count as one (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,13 +35,13 @@ class LocalSubmap:
     """What was seen on the last part of the path, in the robot's frame."""
 
     reading: int
-    """Number of the reading at which it is made."""
+    """Number of the reading at which the submap is made."""
     way: float
-    """Distance driven to there (m)."""
+    """Distance driven up to that reading (m)."""
     lines: Float64[np.ndarray, "lines 8"]
     """Rows of the lines in view (see `lines.describe`)."""
     points: Points
-    """Where walls were seen (m)."""
+    """Points on walls (m)."""
     grid: UInt8[np.ndarray, "220 220"]
     """Cells with walls and with free space (see `submap_kernels`)."""
 
@@ -109,11 +109,11 @@ class _Scan:
     """A scan in the robot's present frame."""
 
     way: float
-    """Distance driven to where it was taken (m)."""
+    """Distance driven up to the scan (m)."""
     eye: Float64[np.ndarray, "2"]
     """Position of the laser (m)."""
     points: Points
-    """Points on walls that it saw (m)."""
+    """Points on walls (m)."""
 
     def moved(self, pose: Pose) -> _Scan:
         """Return the same scan with its frame at `pose`."""
@@ -128,7 +128,7 @@ def _update_lines(
     way: float,
     config: MatchConfig,
 ) -> tuple[Float64[np.ndarray, "kept 4"], Float64[np.ndarray, "kept"]]:
-    """Return the lines near and seen of late, merged with a view, and when each was last seen.
+    """Return the lines nearby and recently seen, merged with a view, and when each was last seen.
 
     "When" is the distance driven (m).
     """
@@ -147,7 +147,7 @@ def longest_lines(lines: Segments, count: int) -> Float64[np.ndarray, "kept 4"]:
 
 
 def _draw_grid(scans: list[_Scan]) -> tuple[Points, UInt8[np.ndarray, "220 220"]]:
-    """Return the points within RANGE, thinned out, and the grid of all that the scans show."""
+    """Return the points within RANGE, thinned out, and the grid of all scans."""
     grid = np.zeros((CELLS, CELLS), np.uint8)
     for scan in scans:
         mark_free(grid, scan.eye, scan.points)

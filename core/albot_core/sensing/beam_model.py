@@ -1,4 +1,4 @@
-"""What is known of a laser's beams: where a point lies, and how precisely it tells of its wall.
+"""A model of a laser's beams: where the point of a beam lies, and how precisely it fixes its wall.
 
 Compiled.
 """
@@ -14,26 +14,26 @@ from albot_core.kernels.compiled import kernel
 RANGE_NOISE = 0.01
 """Standard deviation of a range (m): the statistical error of a SICK LMS 200."""
 WALL_NOISE = 0.002
-"""How uneven walls are (m, standard deviation)."""
+"""Standard deviation of walls from a plane (m)."""
 BEARING_NOISE = 0.15
-"""Standard deviation of a point's bearing about where `nearer_side` puts it, in widths of a
+"""Standard deviation of a point's bearing from the one that `nearer_side` gives, in widths of a
 beam."""
 
 
 class BeamModel(NamedTuple):
-    """What is known of a laser's beams."""
+    """A model of a laser's beams."""
 
     spacing: float
     """Angle between neighbouring beams (rad)."""
     width: float
-    """Full angle of a beam (rad), which measures the nearest of what it meets; 0 for a ray."""
+    """Full angle of a beam (rad); its range is that of the nearest surface in it; 0 for a ray."""
     is_used: bool
-    """Whether points are placed and weighed by it; see `ViewConfig.beam_model`."""
+    """Whether points are placed and weighed by the model; see `ViewConfig.beam_model`."""
 
 
 @kernel()
 def nearer_side(ranges: np.ndarray, beam: int) -> float:
-    """Return to which side the wall that a beam meets comes nearer: 1 left, -1 right, 0 neither.
+    """Return the side on which the wall hit by a beam is nearer: 1 left, -1 right, 0 neither.
 
     The wall is that of the neighbouring beam whose range differs less.
     """
@@ -46,14 +46,14 @@ def nearer_side(ranges: np.ndarray, beam: int) -> float:
 
 @kernel()
 def variance_across(square: float, aside: float, model: BeamModel) -> float:
-    """How imprecisely a point tells where its wall is: its variance across it, times `square`.
+    """Return the variance of a point across its wall, times `square`.
 
-    The variance is in that of a range, so it is about 1 where a near wall is met head on. `square`
-    is the square of the point's distance from the laser (m²), with which the variance is
-    multiplied to save divisions; the wall's line passes the laser `aside` (m). An error of the
-    range moves the point across the wall by its sine of incidence, one of the bearing by the
-    cosine. So a point that a thin beam meets at a grazing angle tells more than another, and one
-    that a wide beam meets so tells less.
+    The unit of the variance is that of a range, so it is about 1 where a beam hits a near wall at a
+    right angle. `square` is the square of the point's distance from the laser (m²); the variance is
+    multiplied by it to save divisions. `aside` is the distance of the wall's line from the laser
+    (m). An error of the range moves the point across the wall by the sine of incidence, an error of
+    the bearing by the cosine. So at grazing incidence a point of a thin beam is more precise than
+    others, and a point of a wide beam less.
     """
     ahead = max(square - aside * aside, 0.0)
     bearing = (BEARING_NOISE * model.width / RANGE_NOISE) ** 2

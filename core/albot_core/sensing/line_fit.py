@@ -10,11 +10,11 @@ from albot_core.kernels.compiled import kernel
 from albot_core.sensing.beam_model import RANGE_NOISE, BeamModel, variance_across
 
 LEAST_POINTS = 4
-"""Each part of a bent span has so many points at least."""
+"""Minimum number of points in each part of a bent span."""
 TINY = 1e-12
-"""Variances below this are as good as none: a range of 0 tells nothing, and gets no weight."""
+"""Lower bound of variances, for a range of 0, whose point gets no weight."""
 LEAST_NOISE = RANGE_NOISE
-"""What points deviate from a line by chance, at least (m, standard deviation)."""
+"""Minimum standard deviation of points from a line (m)."""
 
 
 class Moments(NamedTuple):
@@ -73,11 +73,11 @@ def fit_line(
 
 @kernel()
 def find_bend(points: np.ndarray, first: int, last: int, significance: float) -> int:
-    """Return the point at which two lines fit points first..last best, or -1 where one will do.
+    """Return the point at which two lines fit points first..last best, or -1 if one line is enough.
 
-    Two are better where the F statistic, of what they explain beyond one by what they leave, is
-    above `significance`. How much points scatter is taken from the points themselves, as long as
-    it is more than LEAST_NOISE.
+    Two lines are better if the F statistic, of the residual that the second line explains by the
+    one that remains, is above `significance`. The noise is estimated from the points themselves, as
+    at least LEAST_NOISE.
     """
     count = last - first + 1
     if count < 2 * LEAST_POINTS:
@@ -102,7 +102,7 @@ def find_bend(points: np.ndarray, first: int, last: int, significance: float) ->
 
 @kernel()
 def _aside(points: np.ndarray, first: int, last: int, eye: tuple[float, float]) -> float:
-    """How far the chord of points first..last passes the laser (m)."""
+    """Return the distance of the laser from the line through points `first` and `last` (m)."""
     dx, dy = points[last, 0] - points[first, 0], points[last, 1] - points[first, 1]
     x, y = points[first, 0] - eye[0], points[first, 1] - eye[1]
     return float((x * dy - y * dx) / max(np.sqrt(dx * dx + dy * dy), 1e-9))
@@ -112,7 +112,7 @@ def _aside(points: np.ndarray, first: int, last: int, eye: tuple[float, float]) 
 def _weight(
     points: np.ndarray, i: int, eye: tuple[float, float], model: BeamModel, aside: float
 ) -> float:
-    """How much a point of a wall counts, whose line passes the laser `aside` (m)."""
+    """Return the weight of a point of a wall whose line passes the laser at `aside` (m)."""
     if not model.is_used:
         return 1.0
     square = (points[i, 0] - eye[0]) ** 2 + (points[i, 1] - eye[1]) ** 2
@@ -121,14 +121,14 @@ def _weight(
 
 @kernel()
 def _moments_of(points: np.ndarray, first: int, i: int) -> Moments:
-    """The moments of a point, from the point `first`."""
+    """Return the moments of a point, relative to the point `first`."""
     x, y = points[i, 0] - points[first, 0], points[i, 1] - points[first, 1]
     return Moments(1.0, x, y, x * x, x * y, y * y)
 
 
 @kernel()
 def _sum(a: Moments, b: Moments, sign: float) -> Moments:
-    """The moments of the points of both; with a `sign` of -1 without those of the second."""
+    """Return the sum of two moments, or their difference for a `sign` of -1."""
     return Moments(
         a.size + sign * b.size,
         a.x + sign * b.x,
@@ -141,9 +141,9 @@ def _sum(a: Moments, b: Moments, sign: float) -> Moments:
 
 @kernel()
 def _residual(m: Moments) -> float:
-    """The sum of squared distances of the points from their line (m²).
+    """Return the sum of squared distances of the points from their line (m²).
 
-    It is the lesser eigenvalue of the scatter, for points in a row: its determinant by its trace.
+    It is the smaller eigenvalue of the scatter; for points in a row, its determinant by its trace.
     """
     n = m.size
     xx, xy, yy = n * m.xx - m.x * m.x, n * m.xy - m.x * m.y, n * m.yy - m.y * m.y

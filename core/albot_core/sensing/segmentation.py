@@ -1,4 +1,4 @@
-"""Points of a laser scan, and the spans of them that lie on one wall: steps 1 to 3 of `view`.
+"""Points of a laser scan, and the spans of points on one wall: steps 1 to 3 of `view`.
 
 Compiled.
 """
@@ -23,11 +23,12 @@ def scan_points(
     points: np.ndarray,
     beams: np.ndarray,
 ) -> int:
-    """Step 1: write the points closer than `max_range` (m) to `points` (n, 2); return how many.
+    """Write the points closer than `max_range` (m) to `points` (n, 2); return how many (step 1).
 
-    `beams` (n,) takes the beam of each. `directions` (beams, 2) are the beams' unit vectors in the
-    robot's frame. A wide beam measures the nearest of what it meets: the point lies at the edge on
-    the side to which its wall comes nearer, and by the `model` that is where it is written.
+    `beams` (n,) receives the beam of each point. `directions` (beams, 2) are the beams' unit
+    vectors in the robot's frame. The range of a wide beam is that of the nearest surface in it: the
+    point lies at the edge on the side where its wall is nearer, and with the `model` it is written
+    there.
     """
     count, half_width = 0, 0.5 * model.width if model.is_used else 0.0
     for i in range(ranges.shape[0]):
@@ -53,21 +54,21 @@ def set_gaps(
     min_incidence: float,
     gaps: np.ndarray,
 ) -> None:
-    """Write the distance of each point from the one before above which a new cluster begins (m).
+    """Write for each point the distance from the previous one above which a new cluster begins (m).
 
     Borges and Aldon, "Line extraction in 2D range images for mobile robotics" (2004): on a wall
-    that a beam meets at `min_incidence` (rad) the next point is r sin(step) / sin(min_incidence -
-    step) away, at a range r and an angle `step` between the beams. So a cluster's walls do not fall
-    apart where points are sparse: far off, or with a coarse laser. Ours is that nothing nearer than
-    `cluster_gap`, which takes the place of the noise in their equation, is parted, and that this
-    holds between neighbouring beams only: one that is missing between them saw past the wall.
+    that a beam hits at `min_incidence` (rad) the next point is r sin(step) / sin(min_incidence -
+    step) away, at a range r and an angle `step` between the beams. So a wall is not split where
+    points are sparse: far away, or with a coarse laser. Ours is that points nearer than
+    `cluster_gap`, which replaces the noise in their equation, are never split, and that the rule
+    holds only between neighbouring beams: a missing beam between two others saw past the wall.
     """
     growth = 0.0
     if min_incidence > 0.0 and directions.shape[0] > 1:
         sine = directions[0, 0] * directions[1, 1] - directions[0, 1] * directions[1, 0]
         step = np.arcsin(min(abs(sine), 1.0))
-        # With coarser lasers a gap would be wider than the range itself: points so far apart lie on
-        # two walls as well as on one, and `cluster_gap` alone counts.
+        # With coarser lasers a gap would be wider than the range itself: such points may be on two
+        # walls as well as on one, and only `cluster_gap` is used.
         if step < 0.5 * min_incidence:
             growth = np.sin(step) / np.sin(min_incidence - step)
     for i in range(beams.shape[0]):
@@ -88,13 +89,12 @@ def segment_points(
     stack: np.ndarray,
     spans: np.ndarray,
 ) -> int:
-    """Steps 2 and 3: cluster the points and break the clusters; return the number of spans.
+    """Cluster the points and break the clusters; return the number of spans (steps 2 and 3).
 
-    Row k of `spans` is the first point, the last point and the cluster of span k, in the
-    order of the scan. Spans broken from one cluster share the break point. A cluster is broken
-    where a point is `break_height` from its chord (m) and, ours, where it is bent (`find_bend`, if
-    `significance` is above 0).
-    `stack` (count + 1, 2) int64 is a scratch buffer.
+    Row k of `spans` is the first point, the last point and the cluster of span k, in the order of
+    the scan. Spans broken from one cluster share the break point. A cluster is broken where a point
+    is `break_height` from its chord (m) and, ours, where it is bent (`find_bend`, if `significance`
+    is above 0). `stack` (count + 1, 2) int64 is a scratch buffer.
     """
     found, cluster, start = 0, 0, 0
     for i in range(1, count + 1):

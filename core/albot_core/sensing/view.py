@@ -43,27 +43,27 @@ class ViewConfig:
     one occludes the other."""
     min_incidence: float = 0.0
     """Angle between beam and wall (rad) down to which neighbouring points of one wall stay in one
-    cluster, however far from each other; 0 for none: then `cluster_gap` alone counts, as in the
-    thesis, as it does with a laser whose beams are half this angle apart or more. It is the
-    adaptive breakpoint of Borges and Aldon (2004)."""
+    cluster, however far apart. At 0, as in the thesis, only `cluster_gap` is used; so it is with a
+    laser whose beams are half this angle apart or more. It is the adaptive breakpoint of Borges and
+    Aldon (2004)."""
     cut_ends: bool = False
-    """Whether no end is an occluding point where a wall only leaves the laser's range. In the
-    thesis, which does not speak of walls out of range, such ends are."""
+    """Whether an end where a wall only leaves the laser's range is no occluding point. In the
+    thesis, which does not mention walls out of range, such ends are occluding points."""
     beam_model: bool = False
-    """Whether a point lies at the nearer edge of its beam, and weighs by how precisely it tells
-    where its wall is (`beam_model`). In the thesis points lie on their beams' axes; then a wall
-    beside the robot is turned towards it by half the `beam_width` of a laser such as a SICK."""
+    """Whether a point lies at the nearer edge of its beam, and its weight depends on how precisely
+    it fixes its wall (`beam_model`). In the thesis points lie on their beams' axes; with a laser
+    such as a SICK, a wall beside the robot is then turned towards it by half the `beam_width`."""
     bend_significance: float = 0.0
-    """A cluster is broken where it is bent, too: where two lines fit better than one by this F
-    statistic; 0 for never, as in the thesis. A bent wall that is drawn straight lies, and heads,
-    otherwise for each place from which it is seen."""
+    """F statistic above which two lines fit a cluster better than one, so that it is broken at the
+    bend; 0 for never, as in the thesis. A bent wall that is drawn straight has a different position
+    and heading from each pose from which it is seen."""
     fit_lines: bool = False
     """Whether a surface lies on the line fitted to all its points, instead of running from its
     first point to its last."""
     grazing_ends: bool = False
     """Whether the nearer end is an occluding point also where one wall, seen at grazing incidence,
-    breaks into two clusters. The thesis's occluding point obstructs another surface's edge (section
-    3.1.4)."""
+    breaks into two clusters. In the thesis an occluding point obstructs another surface's edge
+    (section 3.1.4)."""
 
     def __post_init__(self) -> None:
         lengths = "max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"
@@ -73,7 +73,7 @@ class ViewConfig:
 
     @property
     def thresholds(self) -> Float64[np.ndarray, "7"]:
-        """Four lengths, the count, the angle and the F statistic, as `extract_surfaces` asks."""
+        """The four lengths, the count, the angle and the F statistic for `extract_surfaces`."""
         lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
         others = float(self.surface_points), self.min_incidence, self.bend_significance
         return np.array((*lengths, *others))
@@ -96,14 +96,14 @@ class View:
 
 
 class ViewSettings(NamedTuple):
-    """A laser, and the parameters of view construction, as compiled code takes them."""
+    """A laser, and the parameters of view construction, for compiled code."""
 
     directions: np.ndarray
     """(beams, 2) float64: unit vectors of the beams in the robot's frame."""
     beam_model: BeamModel
-    """What is known of the beams."""
+    """The model of the beams."""
     mount: tuple[float, float]
-    """Where the laser is in the robot's frame (m)."""
+    """Position of the laser in the robot's frame (m)."""
     max_range: float
     """Points at or beyond this distance are dropped (m)."""
     thresholds: np.ndarray
@@ -115,7 +115,7 @@ class ViewSettings(NamedTuple):
 
 
 def view_settings(laser: LaserGeometry, config: ViewConfig) -> ViewSettings:
-    """Return what views are constructed with from this laser's scans."""
+    """Return the settings with which views are constructed from this laser's scans."""
     return ViewSettings(
         directions=laser.directions,
         beam_model=BeamModel(laser.spacing, laser.beam_width, config.beam_model),
@@ -191,7 +191,7 @@ class ViewBuffers(NamedTuple):
     spans: np.ndarray
     """(2 beams + 2, 3) int64: see `segment_points`."""
     weights: np.ndarray
-    """(beams,) float64: how much each point counts for its line."""
+    """(beams,) float64: the weight of each point in the fit of its line."""
     lines: np.ndarray
     """(2 beams + 2, 4) float64: see `form_surfaces`."""
     raw: np.ndarray
@@ -230,13 +230,13 @@ def form_surfaces(
     lines: np.ndarray,
     surfaces: np.ndarray,
 ) -> None:
-    """Step 4: form one surface per span; write the fitted lines to `lines` (count, 4).
+    """Form one surface for each span; write the fitted lines to `lines` (count, 4) (step 4).
 
     `weights` (points,) is a scratch buffer.
 
-    Without `fit`, a surface runs from the span's first point to its last. With `fit`, the
-    surface lies on the line fitted to all the span's points. Two surfaces that share a break
-    point then meet where their lines cross, if that is within `break_height` of the break point.
+    Without `fit`, a surface runs from the span's first point to its last. With `fit`, the surface
+    lies on the line fitted to all the span's points. Two surfaces that share a break point then
+    meet where their lines cross, if that is within `break_height` of the break point.
     """
     for k in range(count):
         first, last = spans[k, 0], spans[k, 1]
@@ -289,7 +289,7 @@ def mark_edges(
     eye_y: float,
     edges: np.ndarray,
 ) -> None:
-    """Step 5: write the types of every surface's two ends to `edges` (thesis, section 3.1.4).
+    """Write the types of every surface's two ends to `edges` (thesis, section 3.1.4; step 5).
 
     Two neighbouring surfaces from one cluster meet at a corner point. Otherwise the end closer to
     the laser at (eye_x, eye_y) is an occluding point. The first and the last end of the view are
@@ -322,10 +322,10 @@ def unmark_cut_ends(
     beams: np.ndarray,
     edges: np.ndarray,
 ) -> None:
-    """Take back the occluding points where a wall only leaves the laser's range.
+    """Remove the occluding points where a wall only leaves the laser's range.
 
-    This is ours. A beam without return beside an end tells of no surface up to the range; where it
-    would meet the same wall beyond the range, the wall may go on there.
+    This is ours. A beam without return beside an end shows no surface up to the range; if it would
+    hit the same wall beyond the range, the wall may go on there.
     """
     directions, max_range = settings.directions, settings.max_range
     mount_x, mount_y = settings.mount
@@ -353,10 +353,10 @@ def unmark_grazing_ends(
     tolerance: float,
     edges: np.ndarray,
 ) -> None:
-    """Take back the occluding points that obstruct nothing (thesis, section 3.1.4).
+    """Remove the occluding points that obstruct nothing (thesis, section 3.1.4).
 
     Where the next point seen lies beyond the end, within `tolerance` (m) of the surface's line, the
-    wall goes on there and is only hit too seldom.
+    wall goes on there, but too few beams hit it.
     """
     for k in range(count):
         for end in range(2):

@@ -1,4 +1,4 @@
-"""Albot0's cognitive map: absolute space representations (ASRs) by sonar, and the way home by them.
+"""Albot0's cognitive map: absolute space representations (ASRs) from sonar, and the way home.
 
-See `mapper` for the robot, and docs/albot0.md for what it does.
+`mapper` is the mapper; docs/albot0.md describes the system.
 """

@@ -1,4 +1,4 @@
-"""All thresholds of Albot0; those of each part stand beside it."""
+"""All thresholds of Albot0; those of each component stand in its file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Albot0Config:
     """All thresholds of Albot0."""
 
     paths: PathConfig = field(default_factory=PathConfig)
-    """Robot paths and surfaces."""
+    """Thresholds of robot paths and surfaces."""
     regions: RegionConfig = field(default_factory=RegionConfig)
-    """The split into ASRs."""
+    """Thresholds of the split into ASRs."""
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
-    """Where the robot believes to be on its way home."""
+    """Thresholds of the localisation on the way home."""
     trail: TrailConfig = field(default_factory=TrailConfig)
-    """Where the robot is on the way that it came."""
+    """Thresholds of the particle filter on the trail."""
     way_back: WayBackConfig = field(default_factory=WayBackConfig)
-    """How the way home leads along the way out."""
+    """Thresholds of the way home along the way out."""

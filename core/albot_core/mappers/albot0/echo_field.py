@@ -1,4 +1,4 @@
-"""How far it is from anywhere to the nearest of some echoes, squared, on a grid."""
+"""The squared distance from any point to the nearest of some echoes, on a grid."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ CELL = 0.1
 _CELL_SQUARE = 100
 """…and its square (cm²)."""
 _CLEAR = 0.2
-"""The sound's way is looked at every so often (m), and ends so far before the echo. It is three
-cells wide."""
+"""The sound's way is marked as free at points this far apart (m), up to this distance before the
+echo. It is three cells wide."""
 
 
 class EchoField:
     """A likelihood field: the squared distance to the nearest echo, up to a limit.
 
-    The limit is lower where no sound went: there an echo may come from what was not heard yet.
+    The limit is lower where no sound went, because an echo there may come from a surface not heard
+    yet.
 
     Attributes:
-        corner: (2,): where the first cell begins (m).
-        squares: (columns, rows), int32: the squared distance in each cell (cm²). No echo is near
-            the outermost cells, which stand for all that is outside. Sums of whole numbers are the
-            same in whatever order a processor adds them.
+        corner: (2,): corner of the first cell (m).
+        squares: (columns, rows), int32: the squared distance in each cell (cm²). The outermost
+            cells, which stand for everything outside, are far from all echoes. Values are integers,
+            so that their sums are the same in whatever order a processor adds them.
 
     Args:
-        steps: On which the echoes were heard.
+        steps: The steps on which the echoes were heard.
         farthest: The limit where the sound went freely (m).
         unknown: The limit elsewhere (m).
     """
@@ -47,7 +48,7 @@ class EchoField:
 
 
 def _square(distance: float) -> int:
-    """A distance (m), squared (cm²)."""
+    """Return the square (cm²) of a distance (m)."""
     return round((100.0 * distance) ** 2)
 
 
@@ -59,13 +60,13 @@ def _field(
     reach: int,
     limits: tuple[int, int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The corner and the squares of the field of some echoes, one at least.
+    """Return the corner and the squares of the field of at least one echo.
 
     Args:
-        lines: See `Steps`.
-        echoes: Likewise.
-        heard: Likewise.
-        reach: So many cells away an echo makes no difference.
+        lines: The lines of the steps (see `Steps`).
+        echoes: The echoes of the steps (see `Steps`).
+        heard: Which echoes were heard (see `Steps`).
+        reach: Number of cells beyond which an echo has no effect.
         limits: The squares where the sound went freely, and elsewhere (cm²).
     """
     free, unknown = limits
@@ -78,7 +79,7 @@ def _field(
     squares = np.full((size[0], size[1]), unknown, np.int32)
     for k in range(rays.shape[0]):
         _pass(rays[k], corner, squares, free)
-    # First the limits, where the sound went; then around each echo what is below them.
+    # First the limits where the sound went, then the lower values around each echo.
     is_echo = np.zeros(squares.shape, np.bool_)
     for k in range(rays.shape[0]):
         column, row = int((rays[k, 2] - corner[0]) / CELL), int((rays[k, 3] - corner[1]) / CELL)
@@ -94,7 +95,7 @@ def _field(
 
 @kernel(arrays=True)
 def _rays(lines: np.ndarray, echoes: np.ndarray, heard: np.ndarray) -> np.ndarray:
-    """Where the robot heard each echo, and where it came from (echoes, 4) (m)."""
+    """Return the robot's position at each echo and the echo's origin, (echoes, 4) (m)."""
     rays, count = np.empty((heard.size, 4)), 0
     for step in range(lines.shape[0]):
         x, y, to_x, to_y = lines[step]
@@ -114,7 +115,7 @@ def _rays(lines: np.ndarray, echoes: np.ndarray, heard: np.ndarray) -> np.ndarra
 
 @kernel()
 def _pass(ray: np.ndarray, corner: np.ndarray, squares: np.ndarray, limit: int) -> None:
-    """Set a limit where the sound went (cm²)."""
+    """Write a limit (cm²) into the cells through which the sound of an echo went."""
     east, north = ray[2] - ray[0], ray[3] - ray[1]
     away = math.hypot(east, north)
     gone = _CLEAR

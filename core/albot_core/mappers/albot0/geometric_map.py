@@ -1,4 +1,4 @@
-"""The geometric map: the way of a journey, with the surfaces beside it; and its ASRs."""
+"""The geometric map: the steps of a journey with the surfaces beside them, and its ASRs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from albot_core.mappers.albot0.steps import NO_STEPS, Steps, join_steps
 
 
 class GeometricMap:
-    """What the robot mapped on one journey.
+    """The robot's map of one journey.
 
     Attributes:
-        steps: Its way.
-        regions: The ASRs that the way was split into.
+        steps: The steps of the journey.
+        regions: The ASRs into which the journey was split.
     """
 
     def __init__(self, config: RegionConfig) -> None:
@@ -22,13 +22,13 @@ class GeometricMap:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all."""
+        """Forget all steps."""
         self._ground = Ground()
         self.steps = NO_STEPS
         self.regions = self._split()
 
     def extend(self, steps: Steps) -> None:
-        """Add what follows, and split the whole journey anew."""
+        """Add the next steps, and split the whole journey again."""
         self._ground.add(steps.swaths)
         self.steps = join_steps(self.steps, steps)
         self.regions = self._split()
@@ -38,10 +38,10 @@ class GeometricMap:
         return split_journey(steps.lines, widths, steps.begins, self._ground, self._config)
 
     def region_at(self, reading: int) -> int:
-        """The ASR where a reading was taken; 0 before the first step."""
+        """Return the ASR where a reading was taken; 0 before the first step."""
         step = int(np.searchsorted(self.steps.readings, reading, side="right")) - 1
         return self.regions.of_step(max(step, 0))
 
     def part(self, region: int) -> Steps:
-        """The steps of a region."""
+        """Return the steps of a region."""
         return self.steps.part(slice(*self.regions.splits[region : region + 2].tolist()))

@@ -1,8 +1,8 @@
-"""The ground that the robot saw beside its way, cut into faces that each have one area.
+"""The ground seen beside the robot's way, cut into faces whose areas can be added.
 
-The swaths of a wandering robot overlap. A region's area is that of the union of its swaths, and a
-journey is split by comparing very many regions. So swaths are cut into faces where they overlap,
-once, as they come: the area of any region is then the sum over its faces, each counted once.
+The swaths of a wandering robot overlap. A region's area is that of the union of its swaths, and
+splitting a journey compares very many regions. So overlapping swaths are cut into faces once, as
+they are added: the area of any region is then the sum over its faces, each counted once.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from shapely.errors import GEOSException
 from albot_core.geometry.poses import inverse, transform_points
 
 _SLIVER = 0.01
-"""Faces smaller than this (m²) are left out: so much a sonar's widths do not tell. By no more than
-this may the areas of the parts of a cut be off that of the whole, either."""
+"""Faces smaller than this (m²) are left out, because sonar widths are less accurate. The areas of
+the parts of a cut may also differ from that of the whole by at most this."""
 _GRID = 1e-3
-"""Where edges all but coincide, swaths are cut on a grid of this spacing (m). There shapely without
-one finds no answer, or a wrong one without saying so."""
+"""Where edges almost coincide, swaths are cut on a grid of this spacing (m). Without a grid shapely
+finds no result there, or a wrong one without an error."""
 _INSET = 2e-3
-"""By this share of its size a swath is made smaller when it is asked which faces it overlaps."""
+"""A swath is shrunk by this share of its size before it is tested which faces it overlaps."""
 _POLYGONAL = (3, 6)
 """shapely's type ids of polygons and multipolygons."""
 
@@ -33,7 +33,7 @@ class Ground:
     """The union of swaths, as faces.
 
     Attributes:
-        count: How many swaths there are.
+        count: Number of swaths.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,8 @@ class Ground:
         self._boxes = np.empty((64, 4))
         self._areas = np.empty(64)
         self._covers: list[list[int]] = []
-        # What of each swath none before it covers. Every face is a part of one of these.
+        # The part of each swath that no earlier swath covers. Every face lies in one of these
+        # parts.
         self._rests: list[Any] = []
 
     def add(self, swaths: Float64[np.ndarray, "swaths corners 2"]) -> None:
@@ -53,9 +54,10 @@ class Ground:
         if not self.count:
             edge = swaths[0, 1] - swaths[0, 0]
             self._frame = inverse(np.array((*swaths[0, 0], np.arctan2(edge[1], edge[0]))))
-        # The grid lies as the first swath does, so that areas do not depend on the journey's frame.
+        # The grid is aligned with the first swath, so that areas do not depend on the journey's
+        # frame.
         swaths = transform_points(self._frame, swaths)
-        # Steps that follow each other touch: what reaches no farther in is not cut.
+        # Consecutive steps touch: a swath that reaches no farther into a face does not cut it.
         inner = swaths + _INSET * (swaths.mean(axis=1, keepdims=True) - swaths)
         shapes, inner_shapes = shapely.make_valid(shapely.polygons(swaths)), shapely.polygons(inner)
         boxes = np.hstack((inner.min(axis=1), inner.max(axis=1)))
@@ -76,7 +78,7 @@ class Ground:
                 self._add_face(rest, [number])
 
     def _cut(self, near: Int64[np.ndarray, "some"], faces: Any, swath: Any, number: int) -> Any:
-        """Cut faces along a swath; returns what of it covers none of them."""
+        """Cut faces along a swath; return the part of the swath that covers none of them."""
         first = {self._covers[face][0] for face in near.tolist()}
         known = [self._rests[each] for each in sorted(first)]
         common, outside, rest = _overlay(faces, self._areas[near], known, swath)
@@ -94,7 +96,7 @@ class Ground:
     ) -> tuple[
         Int64[np.ndarray, "swaths_and_1"], Int64[np.ndarray, "pairs"], Float64[np.ndarray, "faces"]
     ]:
-        """Where in the second array the faces of each swath begin; these; the areas of all (m²)."""
+        """The start of each swath's faces in the second array; these faces; all areas (m²)."""
         counts = np.fromiter(map(len, self._covers), np.int64, len(self._covers))
         swaths = np.fromiter(chain.from_iterable(self._covers), np.int64, counts.sum())
         faces = np.repeat(np.arange(len(counts)), counts)[np.argsort(swaths, kind="stable")]
@@ -123,18 +125,18 @@ def _overlay(
     swath: Any,
     grid: float | None = None,
 ) -> tuple[Any, Any, Any]:
-    """Lay a swath over faces; without a grid first, which is several times as fast.
+    """Overlay a swath on faces, first without a grid, which is several times as fast.
 
     Args:
-        faces: The faces that it overlaps.
-        areas: Their areas (m²).
-        known: Fewer shapes that together cover what these faces cover, and more.
+        faces: The faces that the swath overlaps.
+        areas: The areas of the faces (m²).
+        known: Fewer shapes, whose union covers at least these faces.
         swath: The swath.
-        grid: Spacing of the grid (m).
+        grid: Spacing of the grid (m); None for no grid.
 
     Returns:
-        What each face has in common with the swath, None where that is a sliver; what it has
-        outside, None where it is not cut; and the rest of the swath.
+        The part of each face inside the swath, None if it is a sliver; the part of each face
+        outside the swath, None if the face is not cut; and the rest of the swath.
     """
     try:
         common, is_within = faces.copy(), shapely.contains(swath, faces)
@@ -158,7 +160,7 @@ def _overlay(
 
 
 def _polygonal(shape: Any) -> Any:
-    """What of a shape has an area; common parts and crossed swaths may hold lines too."""
+    """Return the parts of a shape that have an area, without lines that a cut may leave."""
     if shape.geom_type != "GeometryCollection":
         return shape
     parts = shapely.get_parts(shape)

@@ -1,10 +1,10 @@
-"""Where the robot is on its way home, by the map of its way out.
+"""Localisation of the robot on its way home, by the map of its way out.
 
-Schmidt, Wong and Yeap, section 3. The map of the way out and that of the way home lie in different
-frames, and hold different ASRs. Each cue compares what both have in common, and gives every ASR of
-the way out a confidence. The cues are fused by Democratic Integration (Triesch and von der
+Schmidt, Wong and Yeap, section 3. The map of the way out and that of the way home have different
+frames and different ASRs. Each cue compares what both maps have in common, and assigns a confidence
+to every ASR of the way out. The cues are fused by Democratic Integration (Triesch and von der
 Malsburg, Democratic Integration: self-organized integration of adaptive cues, Neural Computation
-13, 2001): those that agree with the common result gain weight.
+13, 2001): cues that agree with the common result gain weight.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from albot_core.ranges import POSITIVE, SHARE, check_fields
 Confidences = Float64[np.ndarray, "regions"]
 """A confidence within [0, 1] for every ASR of the way out, the robot's home first."""
 _STANDING = 1e-6
-"""Where σ is smaller (m) the robot has not left the place where it turned round."""
+"""With a smaller σ (m) the robot has not left the position where it turned round."""
 Cue = Callable[["Stop", "LocalisationConfig"], Confidences]
-"""What makes a confidence map from what is known at a stop on the way home."""
+"""Function that returns a confidence map from the data of a stop on the way home."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocalisationConfig:
-    """How the robot localises itself on its way home."""
+    """Thresholds of the localisation on the way home."""
 
     cues: tuple[str, ...] = ("way", "orientation")
     """The cues that are fused, by their names in `CUES`. The paper's are "distance" and
-    "orientation"; "way" stands for its distance, since the way home may be another than the way
-    out, and is split otherwise."""
+    "orientation". Here "way" replaces the distance, because the way home may differ from the way
+    out, and be split differently."""
     spread: float = 0.05
     """σ of the distance cue as a share of the distance travelled."""
     reduction: float = 0.5
-    """What the confidences of the orientation cue are multiplied by. The paper reduces them "by a
-    constant factor" and gives no value."""
+    """Factor of the confidences of the orientation cue. The paper reduces them "by a constant
+    factor" and gives no value."""
     border: float = 0.9
-    """The robot is not sure of its ASR where another one has this share of its confidence. Where
-    the two are neighbours it is at the border between them."""
+    """The robot is not sure of its ASR if another ASR has at least this share of its confidence. If
+    the two are neighbours, the robot is at the border between them."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "spread")
@@ -59,21 +59,21 @@ class LocalisationConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stop:
-    """What is known at a stop on the way home."""
+    """The data of a stop on the way home."""
 
     out: Regions
-    """The ASRs of the way out, one at least."""
+    """The ASRs of the way out, at least one."""
     home: Regions
-    """Those of the way home so far."""
+    """The ASRs of the way home so far."""
     beside: Confidences
     """How well each ASR of the way out fits where the way home lies beside it (see `WayBack`)."""
 
 
 def distance_map(stop: Stop, config: LocalisationConfig) -> Confidences:
-    """How well the distance travelled on the way home fits each ASR (section 3.1).
+    """Return how well the distance travelled on the way home fits each ASR (section 3.1).
 
-    Both distances are sums of ASR lengths. The Gaussian is sampled where an ASR ends on the way
-    home, as in the paper: so an ASR is believed in from its middle to the middle of the next.
+    Both distances are sums of ASR lengths. As in the paper, the Gaussian is sampled where an ASR
+    ends on the way home, so an ASR is the likeliest one from its middle to the middle of the next.
     """
     ends = _ends(stop.out.lengths)
     travelled = float(stop.home.lengths.sum())
@@ -81,51 +81,52 @@ def distance_map(stop: Stop, config: LocalisationConfig) -> Confidences:
 
 
 def extent_map(stop: Stop, config: LocalisationConfig) -> Confidences:
-    """As `distance_map`, with the Gaussian sampled at the point of each ASR that fits best.
+    """Return the distance cue with the Gaussian sampled at the point of each ASR that fits best.
 
-    So the ASR that the distance lies in has the greatest confidence. This cue is ours.
+    So the ASR that holds the distance has the greatest confidence. This cue is ours.
     """
     travelled = float(stop.home.lengths.sum())
     return _fit(_beyond(stop.out.lengths, travelled), travelled, config)
 
 
 def way_map(stop: Stop, config: LocalisationConfig) -> Confidences:
-    """How well each ASR fits where the way home lies beside the way out.
+    """Return how well each ASR fits where the way home lies beside the way out.
 
-    Surfaces are compared, as they lie beside either way. This cue is ours.
+    The fit compares the surfaces beside the two ways. This cue is ours.
     """
     return stop.beside
 
 
 def _ends(lengths: Confidences) -> Confidences:
-    """How far from where the robot turned round each ASR ends on the way home (m)."""
+    """Return the distance from the turning point to the end of each ASR on the way home (m)."""
     return np.asarray(np.cumsum(lengths[::-1])[::-1])
 
 
 def _beyond(lengths: Confidences, travelled: float) -> Confidences:
-    """How far from each ASR the robot is that has travelled so far: 0 inside (m)."""
+    """Return the distance of a robot that has travelled so far from each ASR, 0 inside (m)."""
     ends = _ends(lengths)
     beyond = np.maximum(ends - lengths - travelled, travelled - ends)
     return np.asarray(np.maximum(beyond, 0.0))
 
 
 def _fit(off: Confidences, travelled: float, config: LocalisationConfig) -> Confidences:
-    """A Gaussian with σ = `spread` · travelled, scaled so that the best ASR has 1."""
+    """Return a Gaussian with σ = `spread` · travelled, scaled so that the best ASR has 1."""
     spread = config.spread * travelled
     if spread < _STANDING:  # The robot is where it turned round.
         return np.where(off == off.min(), 1.0, 0.0)
-    # The best one is taken off in the exponent: far from all ASRs all would be 0.
+    # The best value is subtracted in the exponent, as all would be 0 far from all ASRs.
     fit = off / spread
     fitted: Confidences = np.exp(-0.5 * (fit - fit.min()) * (fit + fit.min()))
     return fitted
 
 
 def orientation_map(stop: Stop, config: LocalisationConfig) -> Confidences:
-    """How well the turn into the present ASR fits the turns of the way out (section 3.2).
+    """Return how well the turn into the present ASR fits the turns of the way out (section 3.2).
 
     On the way home the robot comes from ASR i + 1 into ASR i, so the turn is that from i to i + 1
-    with the opposite sign. The ASR in which it turned round is entered by no turn, and neither is
-    any before the robot is in its second ASR: they get what an angle at random has on average.
+    with the opposite sign. No turn leads into the ASR in which the robot turned round, nor into any
+    ASR before the robot is in the second one of its way home: they get the mean value of a random
+    angle.
     """
     out, home = stop.out, stop.home
     confidences = np.full(out.count, 0.5)
@@ -147,10 +148,10 @@ CUES: dict[str, Cue] = {
 
 
 def register_cue(name: str, cue: Cue) -> None:
-    """Make a cue known by its name, so that a `LocalisationConfig` can name it.
+    """Register a cue under a name, so that a `LocalisationConfig` can name it.
 
     Raises:
-        InputError: Another one has this name.
+        InputError: Another cue has this name.
     """
     if CUES.setdefault(name, cue) is not cue:
         raise InputError("register_cue", "a name that no other cue has", repr(name))
@@ -161,19 +162,19 @@ class DemocraticIntegration:
     """The weights of the cues, which change with every localisation (section 3.3)."""
 
     weights: Float64[np.ndarray, "cues"]
-    """w_i(t). They sum to 1. The paper does not say how they begin: all equal here."""
+    """w_i(t), with sum 1. The paper does not give their initial values; here all are equal."""
     time: int = 0
-    """t: how often the cues were fused."""
+    """t: number of times that the cues were fused."""
 
     @classmethod
     def of(cls, cues: int) -> DemocraticIntegration:
-        """Weights of so many cues at the beginning."""
+        """Return the initial weights of a number of cues."""
         return cls(weights=np.full(cues, 1.0 / cues))
 
     def fuse(self, maps: Float64[np.ndarray, "cues regions"]) -> Confidences:
-        """The fused confidences of the maps of all cues, each of one ASR at least.
+        """Return the fused confidences of the maps of all cues, each of at least one ASR.
 
-        A map of zeros favours no ASR; where all do, the weights move towards being equal.
+        A map of zeros favours no ASR; if all maps are zero, the weights move towards being equal.
         """
         fused: Confidences = self.weights @ maps  # Eq. (4)
         believed = most_confident(fused)
@@ -190,12 +191,12 @@ class DemocraticIntegration:
 
 
 def most_confident(confidences: Confidences) -> int:
-    """The ASR with the greatest confidence: of equal ones, the one that comes first on the way."""
+    """Return the ASR with the greatest confidence; of equal ones the last on the way out."""
     return len(confidences) - 1 - int(confidences[::-1].argmax())
 
 
 def is_sure(confidences: Confidences, config: LocalisationConfig) -> bool:
-    """Whether one ASR is clearly the most confident; else the robot is at a border, or lost."""
+    """Return whether one ASR is clearly the most confident; if not, it may be a border."""
     if len(confidences) < 2:
         return True
     second, first = np.sort(confidences)[-2:].tolist()
@@ -204,24 +205,24 @@ def is_sure(confidences: Confidences, config: LocalisationConfig) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Belief:
-    """In which ASR of the way out the robot believed to be, at a stop on its way home."""
+    """The ASR in which the robot believed to be at a stop on its way home."""
 
     reading: int
-    """At which reading."""
+    """The number of the reading."""
     place: int
     """The ASR with the greatest confidence."""
     confidence: float
-    """Its confidence."""
+    """The confidence of that ASR."""
     rival: int
-    """The ASR with the greatest confidence of all others; -1 where there is only one."""
+    """The ASR with the second greatest confidence; -1 if there is only one ASR."""
     rival_confidence: float
-    """Its confidence."""
+    """The confidence of the rival."""
     is_sure: bool
-    """Whether the first is clearly the greater one."""
+    """Whether the first confidence is clearly greater."""
 
     @classmethod
     def of(cls, reading: int, confidences: Confidences, config: LocalisationConfig) -> Belief:
-        """What the confidences of all ASRs say at a reading."""
+        """Return the belief at a reading, given the confidences of all ASRs."""
         place = most_confident(confidences)
         others = np.where(np.arange(len(confidences)) == place, -1.0, confidences)
         rival = most_confident(others) if len(others) > 1 else -1
@@ -235,7 +236,7 @@ class Belief:
         )
 
     def __str__(self) -> str:
-        """The belief as one line."""
+        """Return the belief as one line."""
         here = f"reading {self.reading}: in A{self.place} ({self.confidence:.2f})"
         if self.is_sure:
             return here

@@ -1,11 +1,11 @@
 """Albot0: a robot with eight sonars and an odometer that it does not correct.
 
 Schmidt, Wong and Yeap. On its way out the robot makes a geometric map, which is split into absolute
-space representations (ASRs). Then it turns round, maps the way home anew, and localises itself in
-the ASRs of the way out: by how far it has come in ASR lengths, and by how it turned from one ASR
-into the next. Both maps are inexact and neither is ever corrected or laid over the other. Beside
-them the robot keeps its way as odometer and echoes together have it (`Trail`), which the way home
-and the cue `way` go by: that is ours.
+space representations (ASRs). Then the robot turns round, makes a new map of the way home, and
+localises itself in the ASRs of the way out: by the distance travelled in ASR lengths, and by its
+turn from one ASR into the next. Both maps are inexact, and neither is ever corrected or laid over
+the other. In addition, the robot keeps its most likely path by odometer and echoes together
+(`Trail`), on which the way home and the cue `way` rest: that is ours.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ from albot_core.sensing.reading import Reading
 class Albot0(StoredMapper):
     """Albot0's cognitive map, and its localisation on the way home.
 
-    The number of an ASR is its place on the way out: home is 0. As the journey is split anew at
-    every stop, numbers may change until the robot turns round for home. It remembers places
+    ASRs are numbered in the order of the way out: home is 0. Because the journey is split again at
+    every stop, numbers may change until the robot turns round for home. The mapper remembers places
     (`PlaceMemory`), which are ASRs.
 
     Args:
         config: All thresholds.
-        name: The name under which the mapper is known.
+        name: The name under which the mapper is registered.
     """
 
     config: Albot0Config
@@ -58,7 +58,7 @@ class Albot0(StoredMapper):
         super().__init__(config or Albot0Config(), name)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. Numbers are drawn all along."""
+        """Forget everything; the next reading is the first. `rng` is used until the next reset."""
         self._rng = rng
         self._pose = np.zeros(3)
         self._readings = 0
@@ -74,10 +74,10 @@ class Albot0(StoredMapper):
         self._beliefs: list[Belief] = []
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where a robot path came to its end, which the map then holds.
+        """Process a reading; return whether a robot path ended, which the map then holds.
 
         Raises:
-            InputError: The reading lacks sonars, or none of them looks to one of the sides.
+            InputError: The reading lacks sonars, or no sonar points to one of the sides.
         """
         sonar = reading.required_sonar(self._name)
         side_sonars(sonar.geometry)
@@ -94,11 +94,11 @@ class Albot0(StoredMapper):
         return steps is not None
 
     def begin_return(self) -> None:
-        """Take what was driven so far for the way out, and all that follows for the way home.
+        """Treat the travel so far as the way out, and what follows as the way home.
 
-        Without this the mapper finds out by itself where the robot turns round (see
-        `PathConfig.detects_return`), and the latest time counts. A robot that has gone nowhere is
-        at home, and stays on its way out.
+        Without this call the mapper detects itself where the robot turns round (see
+        `PathConfig.detects_return`), and the last detection counts. A robot that has gone nowhere
+        is at home, and stays on its way out.
         """
         self.end_path()
         if self._out.regions.count:
@@ -106,9 +106,9 @@ class Albot0(StoredMapper):
             self._was_told = True
 
     def end_path(self) -> None:
-        """End the robot path here, where the robot stands; on the way home, localise it.
+        """End the robot path at the robot's position; on the way home, localise the robot.
 
-        Without this a path ends by itself where the robot turns, or when it is long enough.
+        Without this call a path ends where the robot turns, or when it is long enough.
         """
         steps = self._path.stop(self.config.paths)
         if steps is not None:
@@ -127,7 +127,7 @@ class Albot0(StoredMapper):
         self._believe(np.eye(self._out.regions.count)[-1])
 
     def _stop(self, steps: Steps) -> None:
-        """Map the path that came to its end; on the way home, localise the robot."""
+        """Add the path that has ended to the map; on the way home, localise the robot."""
         self._updates += 1
         if self._home is None:
             self._out.extend(steps)
@@ -142,7 +142,7 @@ class Albot0(StoredMapper):
         self._believe(self._fusion.fuse(maps))
 
     def _lay_out(self) -> WayBack:
-        """The way home, from where the robot may be now."""
+        """Return the way home from where the robot may be now."""
         out, trail = slice(0, len(self._out.steps.lines)), self._trail
         steps, config = trail.steps, self.config.way_back
         return WayBack(steps.part(out), steps.surfaces, trail.particles, trail.frame, config)
@@ -154,7 +154,7 @@ class Albot0(StoredMapper):
 
     @property
     def last_stop(self) -> Stop:
-        """What the cues go by, since the last stop on the way home.
+        """The data for the cues at the last stop on the way home.
 
         Raises:
             InputError: The robot is on its way out.
@@ -181,10 +181,10 @@ class Albot0(StoredMapper):
 
     @property
     def estimate(self) -> Estimate:
-        """The ASR that the robot believes to be in, and where the odometer says that it is.
+        """The ASR in which the robot believes to be, and its pose by the odometer.
 
-        On the way home it is not localised at borders, and matches the present reading with one
-        from the middle of the ASR that it is sure of.
+        On the way home the robot is not localised at borders. Otherwise its reading matches one
+        from the middle of its ASR.
         """
         is_sure, place, matched = True, None, None
         if self._home is not None:
@@ -208,11 +208,11 @@ class Albot0(StoredMapper):
 
     @property
     def events(self) -> Sequence[Belief]:
-        """What it believed at every stop on its way home."""
+        """The beliefs at all stops on the way home."""
         return tuple(self._beliefs)
 
     def place_at(self, reading: int) -> int:
-        """The ASR where a reading was taken; on the way home, in which it was believed to be."""
+        """Return the ASR where a reading was taken; on the way home, the ASR believed then."""
         for belief in reversed(self._beliefs):
             if belief.reading <= reading:
                 return belief.place
@@ -222,8 +222,8 @@ class Albot0(StoredMapper):
     def way_home(self) -> WayHome:
         """The way home: the border to the next ASR, and a point ahead on the way out.
 
-        On the way home it is the trail of the way out (see `Trail` and `WayBack`). Where the robot
-        believes to be in its home ASR there is no border before it.
+        On the way home it follows the trail of the way out (see `Trail` and `WayBack`). There is no
+        border ahead if the robot believes to be in its home ASR.
         """
         way = np.full(7, np.nan)
         way[TRAVEL] = self._path.travelled
@@ -237,7 +237,7 @@ class Albot0(StoredMapper):
         return way
 
     def snapshot(self) -> MapSnapshot:
-        """The surfaces beside all paths, and the ASRs of the way out."""
+        """Return the surfaces beside all paths, and the ASRs of the way out."""
         surfaces = np.concatenate([each.steps.surfaces for each in self.geometric_maps])
         return MapSnapshot(layers=(SegmentsLayer(segments=surfaces), self._place_graph()))
 

@@ -1,8 +1,8 @@
-"""Poses where the robot may be: a particle filter.
+"""A particle filter: the poses where the robot may be.
 
 Monte Carlo localisation with a likelihood field (S. Thrun, W. Burgard and D. Fox, Probabilistic
-Robotics, 2005, sections 6.4 and 8.3): each particle is a pose, moved as the odometer says, and
-weighed by how near the echoes heard come to echoes that are known.
+Robotics, 2005, sections 6.4 and 8.3): each particle is a pose, moved by the odometer's motion, and
+weighed by the distances of its echoes from known echoes.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import CELL, EchoField
 
 _LEAST = 1e-12
-"""The least weight of a particle, as a share of the greatest."""
+"""Minimum weight of a particle, as a share of the greatest weight."""
 
 
 class Particles:
     """Poses where the robot may be, with their weights.
 
     Attributes:
-        poses: (particles, 3): the poses (m, m, rad). Headings are not wrapped, so that their mean
-            is one.
+        poses: (particles, 3): the poses (m, m, rad). Headings are not wrapped, so that they can be
+            averaged.
         weights: (particles,): their weights, which sum to 1.
 
     Args:
-        pose: Where all are at first.
-        count: How many there are.
-        rng: What draws their errors.
+        pose: The initial pose of all particles.
+        count: Number of particles.
+        rng: Generator of their errors.
     """
 
     def __init__(self, pose: Pose, count: int, rng: np.random.Generator) -> None:
@@ -43,13 +43,14 @@ class Particles:
     def move(self, motion: Pose, drift: float, turned: float, slip: float) -> None:
         """Move all particles, each with errors of its own.
 
-        The errors' mean is taken off: the mean of few draws would lead the robot astray.
+        The mean of the errors is subtracted, because the mean of a few draws would mislead the
+        robot.
 
         Args:
-            motion: How the odometer has the robot moved.
-            drift: Standard deviation of the heading's error after one metre (rad/√m)…
-            turned: …and after one radian of turn (rad/√rad).
-            slip: Standard deviation of the place's error after one metre (m/√m).
+            motion: The robot's motion by the odometer.
+            drift: Standard deviation of the heading's error after one metre (rad/√m).
+            turned: Standard deviation of the heading's error after one radian of turn (rad/√rad).
+            slip: Standard deviation of the position's error after one metre (m/√m).
         """
         x, y, turn = motion.tolist()
         gone = math.hypot(x, y)
@@ -61,31 +62,31 @@ class Particles:
     def weigh_moves(
         self, before: Float64[np.ndarray, "particles 3"], surfaces: Segments, factor: float
     ) -> None:
-        """Weigh the particles by whether they came through a surface.
+        """Reduce the weight of the particles that moved through a surface.
 
         Args:
-            before: Where they came from.
+            before: The poses before the move.
             surfaces: The surfaces (m).
-            factor: Factor of the weight of those that did.
+            factor: Factor of the weight of these particles.
         """
         _weigh_moves(before, self.poses, self.weights, surfaces, factor)
 
     def weigh(self, points: Points, field: EchoField, spread: float, alike: float) -> None:
-        """Weigh the particles by how near to known echoes points seen from them are.
+        """Weigh the particles by the distances of echoes, seen from them, to known echoes.
 
         Args:
-            points: Where echoes came from, in the robot's frame (m).
+            points: The origins of the echoes, in the robot's frame (m).
             field: The known echoes.
-            spread: Standard deviation of a point's distance from the nearest one (m).
-            alike: So many points tell as much as one.
+            spread: Standard deviation of a point's distance from the nearest known echo (m).
+            alike: Number of points that carry as much information as one independent point.
         """
         scale = 0.5 / (alike * (100.0 * spread) ** 2)
         _weigh(self.poses, self.weights, points, field.corner, field.squares, scale)
 
     def resample(self) -> Int64[np.ndarray, "particles"]:
-        """Draw the particles anew where few of them have most of the weight (low variance).
+        """Resample the particles if few of them have most of the weight (low-variance sampling).
 
-        Returns which were drawn; where few do not, each once.
+        Returns the indices of the particles drawn; each index once if there was no resampling.
         """
         count = len(self.weights)
         if np.square(self.weights).sum() * count < 2.0:
@@ -98,7 +99,7 @@ class Particles:
 
     @property
     def mean(self) -> Pose:
-        """The mean pose, its heading not wrapped."""
+        """The mean pose, with its heading not wrapped."""
         return np.asarray(np.einsum("k,ki->i", self.weights, self.poses))
 
 
@@ -122,7 +123,7 @@ def _move(
             means[2] + weights[k] * errors[k, 2],
         )
     for k in range(poses.shape[0]):
-        # The robot first errs in its heading, then goes.
+        # The robot first errs in its heading, then moves.
         direction = poses[k, 2] + heading * (errors[k, 2] - means[2])
         cos, sin = math.cos(direction), math.sin(direction)
         poses[k, 0] += cos * x - sin * y + spread * (errors[k, 0] - means[0])
@@ -134,7 +135,7 @@ def _move(
 def _weigh_moves(
     before: np.ndarray, poses: np.ndarray, weights: np.ndarray, surfaces: np.ndarray, factor: float
 ) -> None:
-    """What `Particles.weigh_moves` does."""
+    """Weigh the particles as `Particles.weigh_moves` does."""
     least, most = np.full(2, math.inf), np.full(2, -math.inf)
     for k in range(poses.shape[0]):
         for axis in range(2):
@@ -165,18 +166,18 @@ def _weigh(
     squares: np.ndarray,
     scale: float,
 ) -> None:
-    """What `Particles.weigh` does; a squared distance (cm²) counts by `scale`."""
+    """Weigh the particles as `Particles.weigh` does; `scale` is the factor of squares (cm²)."""
     sums = sum_squares(poses, points, corner, squares)
     least = sums.min()
     for k in range(poses.shape[0]):
-        # The best one is taken off in the exponent.
+        # The best value is subtracted in the exponent.
         weights[k] *= math.exp(scale * (least - sums[k]))
     _normalise(weights)
 
 
 @kernel(arrays=True)
 def _normalise(weights: np.ndarray) -> None:
-    """Have the weights sum to 1, none of them 0."""
+    """Scale the weights to the sum 1, none of them 0."""
     least, total = _LEAST * weights.max(), 0.0
     for k in range(weights.shape[0]):
         weights[k] = max(weights[k], least)
@@ -189,13 +190,13 @@ def _normalise(weights: np.ndarray) -> None:
 def sum_squares(
     poses: np.ndarray, points: np.ndarray, corner: np.ndarray, squares: np.ndarray
 ) -> np.ndarray:
-    """Squared distances to the nearest echo, summed over points seen from each pose (cm²).
+    """Return, for each pose, the sum of squared distances from points to their nearest echo (cm²).
 
     Args:
         poses: (poses, 3): from which the points are seen.
         points: (points, 2): in the frame of each pose (m).
-        corner: Of the field (see `EchoField`).
-        squares: Of the field.
+        corner: The corner of the field (see `EchoField`).
+        squares: The squares of the field (see `EchoField`).
     """
     sums = np.zeros(poses.shape[0], np.int64)
     cells, rows = squares.reshape(-1), np.int32(squares.shape[1])

@@ -1,8 +1,8 @@
 """Robot paths, and the surfaces beside them by sonar.
 
 Schmidt, Wong and Yeap, section 2: a *robot path* is a straight movement of the robot. The sonars
-that look sideways measure how far the ground reaches to its left and right. Where they hear nothing
-there is a gap: small gaps are closed, large ones are treated as distant surfaces.
+that point sideways measure how far the ground reaches to the left and right. Where they hear
+nothing there is a gap: small gaps are closed, large ones are treated as distant surfaces.
 """
 
 from __future__ import annotations
@@ -26,41 +26,42 @@ _TURN = Range("an angle within (0, pi]", 0.0, np.pi, beyond=True)
 _LENGTH = Range(f"a number within (0, {LONGEST:g}]", 0.0, LONGEST, beyond=True)
 _STEP = Range("a number from 0.1", 0.1)
 _SIDEWAYS = math.radians(45.0)
-"""A sonar looks sideways if its bearing is no farther from 90° (rad)."""
+"""A sonar points sideways if its bearing differs from ±90° by at most this (rad)."""
 _SPACING = 0.02
-"""The robot has moved since the last sample if it has gone so far (m)."""
+"""The robot has moved since the last sample if it has gone at least this far (m)."""
 _CELL = 0.1
-"""Widths along a path are compared at places about this far apart (m)."""
+"""Approximate distance of the points along a path at which widths are compared (m)."""
 _NARROWEST = 0.05
-"""No surface is taken to be nearer to the robot's middle than this (m)."""
+"""Minimum distance of a surface from the robot's middle (m)."""
 FARTHEST = 1e7
-"""Nothing is mapped that is farther from where the robot set out (m): there numbers are coarse."""
+"""Nothing is mapped farther from the start than this (m), because numbers are inexact there."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathConfig:
-    """How the journey becomes robot paths, and sonar readings become surfaces.
+    """How the journey is cut into robot paths, and sonar readings are turned into surfaces.
 
-    All of it is ours: the paper's robot paths end at obstacles, and any approximation of surfaces
-    serves it.
+    All of it is ours: the paper's robot paths end at obstacles, and the paper accepts any
+    approximation of surfaces.
     """
 
     turn: float = math.radians(20.0)
-    """A robot path ends where the heading is so far from that at its start (rad)…"""
+    """A robot path ends where the heading differs from that at its start by more than this
+    (rad)…"""
     longest: float = 3.0
-    """…or when it is so long (m), that the robot may localise itself in long corridors too."""
+    """…or when it is this long (m), so that the robot localises itself in long corridors too."""
     shortest: float = 0.3
-    """Shorter paths (m) are passed over: the robot turned on the spot."""
+    """Shorter paths (m) are left out, because the robot turned on the spot."""
     step: float = 1.0
     """A path is cut into steps of about this length (m). Regions are split between steps."""
     gap: float = 1.0
     """Gaps in the surfaces beside a path that are narrower than this (m) are closed: missed echoes
-    and doorways. Wider ones are distant surfaces, as far as the sonar reaches."""
+    and doorways. Wider ones count as distant surfaces, at the sonar's range limit."""
     turned_round: float = math.radians(135.0)
-    """The robot has turned round for home where the directions of a path and of the one before
-    differ by so much (rad)…"""
+    """The robot has turned round for home if the directions of two consecutive paths differ by at
+    least this (rad)…"""
     detects_return: bool = True
-    """…if it is to find that out by itself; else it must be told (`Albot0.begin_return`)."""
+    """…if this is set; otherwise only a call of `Albot0.begin_return` begins the way home."""
 
     def __post_init__(self) -> None:
         check_fields(self, _TURN, "turn", "turned_round")
@@ -73,27 +74,27 @@ class PathConfig:
 
 
 Sample = tuple[float, ...]
-"""x, y of the robot; x, y of the echo to its left, of that to its right; whether each was heard (0
-or 1); how far the sonars reach (m); the reading's number; x, y of the echoes of up to eight sonars,
-or of the robot where none was heard."""
+"""x, y of the robot; x, y of the echo to its left and of that to its right; whether each was heard
+(0 or 1); the sonars' range limit (m); the reading's number; x, y of the echoes of up to eight
+sonars, or of the robot where no echo was heard."""
 _ECHOED = 10
-"""Where in a sample the echoes of all sonars begin."""
+"""Index in a sample at which the echoes of all sonars begin."""
 SAMPLE = _ECHOED + 2 * SONARS
 """The length of a sample."""
 
 
 @dataclass(kw_only=True, eq=False)
 class PathInProgress:
-    """The robot path that the robot is on."""
+    """The robot path that has not ended yet."""
 
     samples: list[Sample]
-    """What was sensed on it, where the robot had moved."""
+    """The samples of the path, one for each reading at which the robot had moved."""
     heading: float = 0.0
-    """The robot's heading at its start (rad)."""
+    """The robot's heading at the path's start (rad)."""
     travelled: float = 0.0
-    """How far the robot has gone on it (m)."""
+    """The distance that the robot has travelled on the path (m)."""
     direction_before: float | None = None
-    """The direction of the path before (rad); None where there is none."""
+    """The direction of the previous path (rad); None if there is none."""
 
     def follow(
         self,
@@ -102,10 +103,10 @@ class PathInProgress:
         reading: int,
         config: PathConfig,
     ) -> Steps | None:
-        """Take in the robot's next pose and what it hears there.
+        """Process the robot's next pose and the sonar scan there.
 
         Returns:
-            The steps of the path that came to its end, None where none did or it was too short.
+            The steps of the path if it has ended, None if it has not or was too short.
         """
         x, y, heading = pose
         finished = None
@@ -130,13 +131,13 @@ class PathInProgress:
         return finished
 
     def stop(self, config: PathConfig) -> Steps | None:
-        """End the path where the robot is; returns its steps, None where it was too short."""
+        """End the path at the robot's position; return its steps, None if it was too short."""
         finished = self._finish(config)
         self.samples.clear()
         return finished
 
     def has_turned_round(self, config: PathConfig) -> bool:
-        """Whether the robot drives about against the direction of the path before."""
+        """Return whether the robot drives roughly against the direction of the previous path."""
         if self.direction_before is None or math.hypot(*self.chord) < config.shortest:
             return False
         turned = float(wrap_angle(self.direction - self.direction_before))
@@ -144,7 +145,7 @@ class PathInProgress:
 
     @property
     def direction(self) -> float:
-        """Where the robot's front points along the path (rad), though it may drive backwards."""
+        """The direction of the robot's front along the path (rad), also if it drives backwards."""
         x, y = self.chord
         direction = math.atan2(y, x)
         is_forward = abs(float(wrap_angle(direction - self.heading))) <= math.pi / 2
@@ -152,7 +153,7 @@ class PathInProgress:
 
     @property
     def chord(self) -> tuple[float, float]:
-        """The straight line from the path's start to where the robot is now (m)."""
+        """The vector from the path's start to the robot's position (m)."""
         if not self.samples:
             return 0.0, 0.0
         first, last = self.samples[0], self.samples[-1]
@@ -168,7 +169,7 @@ class PathInProgress:
 
 
 def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfig) -> Steps:
-    """The steps of a robot path from its samples, whose first and last lie apart."""
+    """Return the steps of a robot path from its samples; the first and last lie apart."""
     length = math.hypot(*(samples[-1, :2] - samples[0, :2]).tolist())
     steps = max(1, round(length / config.step))
     cells = steps * max(1, math.ceil(length / steps / _CELL))
@@ -189,11 +190,11 @@ def make_steps(samples: Float64[np.ndarray, "samples sample"], config: PathConfi
 def _ground_beside(
     samples: np.ndarray, length: float, counts: tuple[int, int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far the ground reaches to the left and right of each step (m); whether to a surface.
+    """Return the width of the ground on each side of each step (m), and whether it has a surface.
 
     Args:
-        samples: (samples, sample): those of the path, whose first and last lie apart.
-        length: How long it is (m).
+        samples: (samples, sample): the path's samples, whose first and last differ in position.
+        length: Length of the path (m).
         counts: See `_widths`.
     """
     x, y = samples[0, :2]
@@ -205,7 +206,7 @@ def _ground_beside(
     widths = np.empty((counts[0], 2))
     ahead, away = np.empty(samples.shape[0]), np.empty(samples.shape[0])
     for side in range(2):
-        # A robot that drives backwards has its left sonars to the right of its way.
+        # If the robot drives backwards, its left sonars are on the right of its way.
         column = side if lefts >= 0.0 else 1 - side
         for k in range(samples.shape[0]):
             u, v = samples[k, 2 + 2 * column] - x, samples[k, 3 + 2 * column] - y
@@ -218,14 +219,14 @@ def _ground_beside(
 
 @kernel(arrays=True)
 def _lines_along(samples: np.ndarray, steps: int, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """The line of each step of a path (m), and the first reading that was taken on it.
+    """Return the line of each step of a path (m), and the first reading that was taken on it.
 
-    Of a short step the reading may be the one before.
+    For a short step the reading may be the one before.
 
     Args:
-        samples: (samples, sample): those of the path, whose first and last lie apart.
-        steps: How many steps it is cut into.
-        length: How long each is (m).
+        samples: (samples, sample): the path's samples, whose first and last differ in position.
+        steps: Number of steps.
+        length: Length of each step (m).
     """
     x, y = samples[0, :2]
     east, north = (samples[-1, :2] - samples[0, :2]) / (steps * length)
@@ -246,12 +247,12 @@ def _lines_along(samples: np.ndarray, steps: int, length: float) -> tuple[np.nda
 
 @kernel(arrays=True)
 def _echoes_along(samples: np.ndarray, steps: int, length: float) -> np.ndarray:
-    """The echoes heard at some places along each step of a path, in the steps' frames (m).
+    """Return the echoes heard at points spread along each step, in the steps' frames (m).
 
     Args:
-        samples: (samples, sample): those of the path, whose first and last lie apart.
-        steps: How many steps it is cut into.
-        length: How long each is (m).
+        samples: (samples, sample): the path's samples, whose first and last differ in position.
+        steps: Number of steps.
+        length: Length of each step (m).
     """
     x, y = samples[0, :2]
     east, north = (samples[-1, :2] - samples[0, :2]) / (steps * length)
@@ -274,13 +275,13 @@ def _echoes_along(samples: np.ndarray, steps: int, length: float) -> np.ndarray:
 def _widths(
     ahead: np.ndarray, away: np.ndarray, length: float, counts: tuple[int, int, int]
 ) -> np.ndarray:
-    """How far the ground reaches beside each step of a path (m), small gaps closed.
+    """Return the width of the ground beside each step of a path (m), with small gaps closed.
 
     Args:
         ahead: See `_profile`.
-        away: Likewise.
-        length: Likewise.
-        counts: How many steps there are; how many cells; how many cells a gap's half has.
+        away: See `_profile`.
+        length: See `_profile`.
+        counts: Number of steps; number of cells; number of cells in half a gap.
     """
     steps, cells, half = counts
     closed = _close_gaps(_profile(ahead, away, length, cells), half)
@@ -292,13 +293,13 @@ def _widths(
 
 @kernel(arrays=True)
 def _profile(ahead: np.ndarray, away: np.ndarray, length: float, cells: int) -> np.ndarray:
-    """How far the ground reaches (m) in each of the cells that a path of some length is cut into.
+    """Return the width of the ground (m) in each of the cells into which a path is cut.
 
     Args:
-        ahead: (samples,): where along the path each echo came from (m).
-        away: (samples,): how far it came from (m).
-        length: How long the path is (m).
-        cells: How many cells there are.
+        ahead: (samples,): position of each echo along the path (m).
+        away: (samples,): distance of each echo from the path (m).
+        length: Length of the path (m).
+        cells: Number of cells.
     """
     profile = np.empty(cells)
     for cell in range(cells):
@@ -309,11 +310,11 @@ def _profile(ahead: np.ndarray, away: np.ndarray, length: float, cells: int) -> 
 
 @kernel(arrays=True)
 def _close_gaps(profile: np.ndarray, half: int) -> np.ndarray:
-    """The profile of a side without openings that are narrower than a window of cells.
+    """Return the profile of a side without openings narrower than a window of cells.
 
-    This is a grey-scale opening of the profile: whatever stands out farther than all that is beside
-    it is cut off, unless it is as wide as the window, which reaches `half` cells to either side.
-    Near surfaces stay as they are.
+    This is a grey-scale opening of the profile: a part that is farther away than all cells beside
+    it is cut off unless it is as wide as the window, which reaches `half` cells to either side.
+    Near surfaces do not change.
     """
     nearest, closed = np.empty_like(profile), np.empty_like(profile)
     for cell in range(profile.shape[0]):
@@ -344,14 +345,14 @@ def _sample(pose: tuple[float, float, float], sonar: SonarScan, reading: int) ->
 
 
 def _echo(geometry: SonarGeometry, index: int, distance: float) -> tuple[float, float]:
-    """Where a sonar's echo came from, in the robot's frame (m)."""
+    """Return the origin of a sonar's echo, in the robot's frame (m)."""
     bearing, (east, north) = geometry.bearings[index], geometry.places[index]
     return east + distance * math.cos(bearing), north + distance * math.sin(bearing)
 
 
 @lru_cache(maxsize=8)
 def _kept_sonars(geometry: SonarGeometry) -> tuple[int, ...]:
-    """The sonars whose echoes are kept: all, or as many as are kept, spread evenly."""
+    """Return the sonars whose echoes are kept: all, or up to SONARS of them, spread evenly."""
     count = len(geometry.bearings)
     kept = min(count, SONARS)
     return tuple((np.arange(kept) * count // kept).tolist())
@@ -359,10 +360,10 @@ def _kept_sonars(geometry: SonarGeometry) -> tuple[int, ...]:
 
 @lru_cache(maxsize=8)
 def side_sonars(geometry: SonarGeometry) -> tuple[int, int]:
-    """The sonars that look most nearly to the left and to the right.
+    """Return the sonars that point most nearly to the left and to the right.
 
     Raises:
-        InputError: None looks to one of the sides.
+        InputError: No sonar points to one of the sides.
     """
     bearings = np.array(geometry.bearings)
     chosen = []

@@ -1,8 +1,8 @@
 """Regions of a journey by split and merge (Schmidt, Wong and Yeap, sections 2.1 and 2.2).
 
-A journey is a row of steps, each with the ground beside it. A region is a run of steps. Two regions
-that follow each other are told apart by their average widths: that is what makes a room of a part
-of the way, and a corridor of another. Each region is an absolute space representation (ASR).
+A journey is a sequence of steps, each with the ground beside it. A region is a run of steps.
+Consecutive regions are distinguished by their average widths: this makes one part of the way a
+room, and another a corridor. Each region is an absolute space representation (ASR).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 _ABOVE_ONE = Range("a number from 1", 1.0)
 _SHORT = 1e-9
-"""A region ends where it began if it is no longer (m)."""
+"""A region of at most this length ends where it began (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,18 +29,18 @@ class RegionConfig:
     """When a journey is split into regions, by equations (1) and (2)."""
 
     threshold: float = 1.7
-    """θ_r: two regions are told apart where h is above it. One is then so many times as wide as
-    the other."""
+    """θ_r: two regions are distinct if h is above it; one is then more than this many times as wide
+    as the other."""
     regularisation: float = 0.2
-    """s: the share of θ_r by which r is weighed."""
+    """s: the weight of r as a share of θ_r."""
     centre: float = 3.0
-    """n, where the sigmoid of equation (2) has its centre; the paper gives no value."""
+    """n, the centre of the sigmoid in equation (2); the paper gives no value."""
     smallest_area: float = 4.0
-    """A_max, by which areas are measured in equation (2) (m²); the paper gives no value. With n = 3
-    regions of 12 m², the size of a small office, are half held together."""
+    """A_max, the unit of areas in equation (2) (m²); the paper gives no value. With n = 3, r has
+    half its effect for regions of 12 m², the size of a small office."""
 
     bend: float = math.radians(60.0)
-    """Corridors that turn by so much (rad) from one into the next are parted. Above π none are."""
+    """Corridors are split where the way turns by at least this (rad). Above π none are."""
 
     def __post_init__(self) -> None:
         check_fields(self, _ABOVE_ONE, "threshold")
@@ -50,7 +50,7 @@ class RegionConfig:
 
     @property
     def constants(self) -> Constants:
-        """What the compiled split and merge computes with."""
+        """The constants of the compiled split and merge."""
         return Constants(
             threshold=float(self.threshold),
             weight=float(self.regularisation * self.threshold),
@@ -65,37 +65,37 @@ class Regions:
     """The regions of a journey, in the order in which the robot came through them."""
 
     splits: Int64[np.ndarray, "bounds"]
-    """The steps at which they begin; and the number of all steps."""
+    """The step at which each region begins; and the number of all steps."""
     steps: Segments
     """The steps of the journey, from the first to the last (m)."""
 
     @property
     def count(self) -> int:
-        """How many regions there are."""
+        """The number of regions."""
         return len(self.splits) - 1
 
     @cached_property
     def lines(self) -> Segments:
-        """From the entry to the exit of each (m)."""
+        """The line from the entry to the exit of each region (m)."""
         entries, exits = self.steps[self.splits[:-1], :2], self.steps[self.splits[1:] - 1, 2:]
         return np.concatenate((entries, exits), axis=1)
 
     @cached_property
     def lengths(self) -> Float64[np.ndarray, "regions"]:
-        """Distances from entry to exit (m)."""
+        """The distance from entry to exit of each region (m)."""
         return np.asarray(np.hypot(*(self.lines[:, 2:] - self.lines[:, :2]).T))
 
     @cached_property
     def ways(self) -> Float64[np.ndarray, "regions"]:
-        """Distances from entry to exit along the robot paths (m)."""
+        """The distance from entry to exit along the robot paths of each region (m)."""
         lengths = np.hypot(*(self.steps[:, 2:] - self.steps[:, :2]).T)
         return np.asarray(np.add.reduceat(lengths, self.splits[:-1]))
 
     @cached_property
     def directions(self) -> Float64[np.ndarray, "regions"]:
-        """Directions from entry to exit (rad).
+        """The direction from entry to exit of each region (rad).
 
-        Of a region that ends where it began it is the direction in which it was entered.
+        For a region that ends where it began, it is the direction in which the region was entered.
         """
         ways = self.lines[:, 2:] - self.lines[:, :2]
         first = self.steps[self.splits[:-1]]
@@ -104,7 +104,7 @@ class Regions:
         return np.asarray(np.arctan2(ways[:, 1], ways[:, 0]))
 
     def of_step(self, step: int) -> int:
-        """The region that a step belongs to."""
+        """Return the region to which a step belongs."""
         return int(np.searchsorted(self.splits[1:-1], step, side="right"))
 
 
@@ -115,12 +115,12 @@ def split_journey(
     ground: Ground,
     config: RegionConfig,
 ) -> Regions:
-    """The regions of a journey.
+    """Split a journey into regions.
 
     Args:
-        lines: Its steps, from the first to the last (m).
-        widths: How wide the ground beside each is (m).
-        begins: Whether a robot path begins with each. The first split is by robot paths.
+        lines: The steps of the journey, from the first to the last (m).
+        widths: The width of the ground beside each step (m).
+        begins: Whether a robot path begins with each step. The first split is by robot paths.
         ground: The ground beside each step.
         config: When regions are split.
     """

@@ -1,6 +1,6 @@
 """Split and merge over a journey, compiled (Schmidt, Wong and Yeap, sections 2.1 and 2.2).
 
-A journey is a row of steps; a region is a run of them, from `first` to before `last`.
+A journey is a sequence of steps; a region is a run of steps, from `first` to before `last`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 from albot_core.kernels.compiled import kernel
 
 _ROUNDING = 1e-9
-"""Values of h that differ by less are equal: of equal splits and merges the first one counts,
-however the journey's frame lies."""
+"""Values of h that differ by less than this are equal: of equal splits and merges the first is
+taken, independently of the journey's frame."""
 _CORRIDOR = 3.0
-"""A piece of the way leads along a corridor if it is so many times as long as wide…"""
+"""A piece of the way leads along a corridor if it is this many times as long as wide…"""
 _STRAIGHT = 0.9
 """…and its ends are at least this share of its length apart."""
 
@@ -33,33 +33,34 @@ class Constants(NamedTuple):
     smallest_area: float
     """A_max (m²)."""
     bend: float
-    """The least turn from one corridor into another that parts them (rad)."""
+    """The smallest turn between two corridors at which they are split (rad)."""
 
 
 class Journey(NamedTuple):
-    """What the areas and the lengths of all regions of a journey are worked out from."""
+    """The data from which the areas and lengths of all regions of a journey are computed."""
 
     ways: np.ndarray
-    """(steps, 2): from where each step begins to where it ends (m)."""
+    """(steps, 2): the vector from the beginning of each step to its end (m)."""
     lengths: np.ndarray
-    """(steps,): how long each is (m)."""
+    """(steps,): the length of each step (m)."""
     widths: np.ndarray
-    """(steps,): how wide the ground beside it is (m)."""
+    """(steps,): the width of the ground beside each step (m)."""
     begins: np.ndarray
-    """(steps,): whether a robot path begins with it."""
+    """(steps,): whether a robot path begins with the step."""
     starts: np.ndarray
-    """(steps + 1,): where in `faces` those begin that each step covers."""
+    """(steps + 1,): the index in `faces` at which the faces of each step begin."""
     faces: np.ndarray
-    """(pairs,): the faces of the ground, by the steps that cover them."""
+    """(pairs,): the faces of the ground, ordered by the steps that cover them."""
     areas: np.ndarray
     """(faces,): areas of the faces (m²)."""
     seen: np.ndarray
-    """(faces + 1,) int64: in which sum each face was counted last; at the end the latest sum."""
+    """(faces + 1,) int64: the sum in which each face was last counted; at the end the latest
+    sum."""
 
 
 @kernel(arrays=True)
 def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
-    """The steps at which regions begin, and the number of all steps (regions + 1,)."""
+    """Return the steps at which regions begin, and the number of all steps (regions + 1,)."""
     steps = journey.lengths.shape[0]
     is_bend = np.zeros(steps + 1, np.bool_)
     find_bends(journey, constants, is_bend)
@@ -76,27 +77,27 @@ def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
 def homogeneity(
     area: float, width: float, other_area: float, other_width: float, constants: Constants
 ) -> float:
-    """h(P_i, P_j) of equation (1): low where two regions are alike."""
+    """Return h(P_i, P_j) of equation (1): low for similar regions."""
     ratio = max(width, other_width) / min(width, other_width)
     return float(ratio + constants.weight * regularisation(min(area, other_area), constants))
 
 
 @kernel()
 def regularisation(smaller: float, constants: Constants) -> float:
-    """r(P_i, P_j) of equation (2), from the smaller region's area: from -1 for small ones to 0."""
+    """Return r(P_i, P_j) of equation (2) for the smaller region's area: from -1, if small, to 0."""
     ratio = smaller / constants.smallest_area - constants.centre
-    # The sigmoid by tanh, which does not overflow.
+    # The sigmoid is computed by tanh, which does not overflow.
     return 0.5 * (1.0 + math.tanh(0.5 * ratio)) - 1.0
 
 
 @kernel()
 def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> None:
-    """Find where one corridor bends into another: there the regions are parted.
+    """Find the steps at which one corridor bends into another, where regions are always split.
 
     The paper names the overall direction beside the width ("a corridor is separated from another
-    one by a sharp bend in the wall"), but its equations tell widths alone. This is ours. It counts,
-    too, where the robot turns round in a corridor: by the paper's lengths, from entry to exit, that
-    parts it as well. Of steps beside each other the one counts at which the way turns most.
+    one by a sharp bend in the wall"), but its equations contain widths alone. This is ours. A robot
+    that turns round in a corridor also makes a bend: the paper's lengths, from entry to exit, need
+    a split there as well. Of neighbouring steps the one with the sharpest turn is taken.
     """
     sharpest, at = 0.0, 0
     for step in range(1, journey.lengths.shape[0] + 1):
@@ -116,12 +117,12 @@ def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> N
 
 @kernel()
 def corridor(journey: Journey, first: int, onward: int) -> tuple[bool, float, float]:
-    """Whether the way leads along a corridor from a step on or back; how it leads there (m, m).
+    """Return whether the way leads along a corridor from a step, and in which direction (m, m).
 
     Args:
         journey: The journey.
         first: The step.
-        onward: 1 for on, -1 for back.
+        onward: 1 for forwards, -1 for backwards.
     """
     length = swaths = east = north = 0.0
     step = first
@@ -144,7 +145,7 @@ def split(
     before: np.ndarray,
     after: np.ndarray,
 ) -> None:
-    """Split each robot path where h is greatest, and its parts again, while it is above θ_r."""
+    """Split each robot path where h is greatest, and its parts again, while h is above θ_r."""
     steps = journey.lengths.shape[0]
     for step in range(steps):
         is_split[step] |= journey.begins[step]
@@ -171,9 +172,9 @@ def merge(
     after: np.ndarray,
     residuals: np.ndarray,
 ) -> int:
-    """Merge the two neighbours that make the most homogeneous region, while it is not above θ_r.
+    """Merge the two neighbours that form the most homogeneous region, while its h is at most θ_r.
 
-    Corridors round a bend are not merged. Returns how many regions are left.
+    Corridors round a bend are not merged. Returns the number of regions left.
     """
     count = int(splits.shape[0]) - 1
     for k in range(count - 1):
@@ -205,7 +206,7 @@ def merged(
     before: np.ndarray,
     after: np.ndarray,
 ) -> float:
-    """The residual of two neighbours, if they are merged; infinite round a bend."""
+    """Return the residual of two neighbours after merging; infinite at a bend."""
     if is_bend[splits[1]]:
         return math.inf
     return float(residual(journey, constants, splits[0], splits[2], before, after)[1])
@@ -220,7 +221,7 @@ def residual(
     before: np.ndarray,
     after: np.ndarray,
 ) -> tuple[int, float]:
-    """Where two parts of a region are most unlike each other, and their h; 0 of a single step."""
+    """Return the step that splits a region into the most different parts, and h (0 for none)."""
     measure_from(journey, first, last, before)
     measure_until(journey, first, last, after)
     best, greatest = first, 0.0
@@ -242,15 +243,15 @@ def shift(
     before: np.ndarray,
     after: np.ndarray,
 ) -> None:
-    """Shift each split point to where the overall error is least; bends stay where they are.
+    """Shift each split point to where the overall error is least; bends are not shifted.
 
-    It is the squared error (as usual, says the paper) with which the average widths of the two
-    regions stand for the widths of their steps. As in h ratios count, so that widths are compared
-    by their logarithms. The sum over all regions falls with each shift, so that there is an end.
+    The error is the squared error (as usual, says the paper) of the average widths of the two
+    regions as estimates of the widths of their steps. As in h ratios count, so widths are compared
+    by their logarithms. The sum over all regions falls with each shift, so the loop ends.
 
-    A split point stays where it is if one of the regions would have to be split again: else one
-    that parts a doorway from a room may leave for the end of a corridor far away, which was merged
-    with that room, and the doorway would be part of the room.
+    A split point is not shifted if one of the regions would then have to be split again. Otherwise
+    one that separates a doorway from a room may move to the end of a distant corridor that was
+    merged with that room, and the doorway would become part of the room.
     """
     moved = True
     while moved:
@@ -268,13 +269,13 @@ def shift(
 
 @kernel()
 def best_split(journey: Journey, first: int, here: int, last: int) -> int:
-    """Where the split point of two neighbours had best be; here, unless another is better."""
+    """Return the best split point of two neighbours, `here` if no other is better."""
     whole = rest = 0.0
     for step in range(first, last):
         whole += journey.lengths[step]
         rest += journey.lengths[step] * math.log(journey.widths[step])
-    # The squares of the values themselves add up to the same, wherever they are split: the error is
-    # least where the squares of the means are greatest.
+    # The sum of the squared values is the same for every split, so the error is least where the
+    # squares of the means are greatest.
     length = summed = present = 0.0
     best, greatest = here, -np.inf
     for middle in range(first + 1, last):
@@ -290,7 +291,7 @@ def best_split(journey: Journey, first: int, here: int, last: int) -> int:
 
 @kernel()
 def measure_from(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to area and average width of the region from `first` to step k."""
+    """Set `measured[:, k]` to the area and average width of the region from `first` to step k."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
     for step in range(first, last):
         area += not_counted(journey, step, latest)
@@ -301,7 +302,7 @@ def measure_from(journey: Journey, first: int, last: int, measured: np.ndarray) 
 
 @kernel()
 def measure_until(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
-    """Set `measured[:, k]` to area and average width of the region from step k to before `last`."""
+    """Set `measured[:, k]` to the area and width of the region from step k to before `last`."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
     for step in range(last - 1, first - 1, -1):
         area += not_counted(journey, step, latest)
@@ -312,7 +313,7 @@ def measure_until(journey: Journey, first: int, last: int, measured: np.ndarray)
 
 @kernel()
 def next_sum(journey: Journey) -> int:
-    """The number of a sum over faces that begins now."""
+    """Return the number of a new sum over faces."""
     latest = int(journey.seen[-1]) + 1
     journey.seen[-1] = latest
     return latest
@@ -320,7 +321,7 @@ def next_sum(journey: Journey) -> int:
 
 @kernel()
 def not_counted(journey: Journey, step: int, latest: int) -> float:
-    """The area of a step's faces that the latest sum has not counted yet, and counts now (m²)."""
+    """Return the area of a step's faces not yet counted in the latest sum, and count them (m²)."""
     area = 0.0
     for pair in range(journey.starts[step], journey.starts[step + 1]):
         face = journey.faces[pair]

@@ -1,4 +1,4 @@
-"""What Albot0's state holds, but for its trail."""
+"""The schema of Albot0's state, except its trail."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from albot_core.mappers.schema import (
 )
 
 _SHORTEST = 1e-6
-"""Every step has some length (m)."""
+"""Minimum length of a step (m)."""
 _FAR = 2 * LONGEST
-"""Echoes are no farther away (m)."""
+"""Maximum distance of an echo (m)."""
 STEPS = tuple(Steps.__dataclass_fields__)
-"""The arrays of steps."""
+"""The names of the arrays of steps."""
 
 
 def steps_of(state: Arrays, name: str) -> Steps:
@@ -50,7 +50,7 @@ def step_fields(name: str) -> tuple[Field, ...]:
 
 
 def _check_path(state: Arrays, sizes: Sizes) -> None:
-    """Raise InputError unless a robot path in progress is one."""
+    """Raise InputError unless the samples of the robot path in progress are valid."""
     samples, readings = state["path.samples"], sizes["readings"]
     refuse_unless(sizes["before"] <= 1, "path.before", "one heading at most", sizes["before"])
     heard, reach, number = samples[:, 6:8], samples[:, 8], samples[:, 9]

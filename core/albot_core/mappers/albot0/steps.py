@@ -13,11 +13,11 @@ from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import kernel
 
 PLACES, SONARS = 6, 8
-"""Of each step the echoes at so many places are kept, of so many sonars at the most."""
+"""For each step, number of points at which echoes are kept, and maximum number of sonars."""
 ECHOES = PLACES * SONARS
-"""So many echoes of each step are kept at the most."""
+"""Maximum number of echoes of each step."""
 _FARTHEST_ECHO = 12.0
-"""Echoes from farther away (m) are left out: a sonar's cone is too wide there to tell the place."""
+"""Echoes from farther away (m) are left out, because a sonar's cone is too wide there."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,21 +25,22 @@ class Steps:
     """Pieces of robot paths, between which a journey can be split."""
 
     lines: Segments
-    """Where the robot came from and went to (m)."""
+    """The robot's position at the beginning and at the end of each step (m)."""
     widths: Float64[np.ndarray, "segments 2"]
-    """How far the ground reaches to the left and to the right (m)."""
+    """How far the ground reaches to the left and to the right of each step (m)."""
     walled: Bool[np.ndarray, "segments 2"]
-    """Whether there is a surface; else it is a gap, and the sonar's reach stands for the width."""
+    """Whether a surface is there; if not, there is a gap, and the width is the sonar's range
+    limit."""
     begins: Bool[np.ndarray, "segments"]
-    """Whether a robot path begins with it."""
+    """Whether a robot path begins with each step."""
     readings: Int64[np.ndarray, "segments"]
-    """The number of the first reading of each."""
+    """The number of each step's first reading."""
     echoes: Float64[np.ndarray, "segments echoes 2"]
-    """Where the echoes came from that all sonars heard at places spread evenly along each step, in
-    the frame of its line (m); zeros where none was heard."""
+    """The origins of the echoes that all sonars heard at points spread evenly along each step, in
+    the frame of its line (m); zeros if no echo was heard."""
 
     def part(self, chosen: slice | Bool[np.ndarray, "segments"]) -> Steps:
-        """Some of them."""
+        """Return some of the steps."""
         return Steps(
             lines=self.lines[chosen],
             widths=self.widths[chosen],
@@ -56,7 +57,7 @@ class Steps:
 
     @cached_property
     def heard(self) -> Bool[np.ndarray, "segments echoes"]:
-        """Which of the echoes were heard, and near enough to tell a place."""
+        """Which of the echoes were heard, and are near enough to be localised."""
         away = np.hypot(self.echoes[..., 0], self.echoes[..., 1])
         return np.asarray((away > 0.0) & (away <= _FARTHEST_ECHO))
 
@@ -81,7 +82,7 @@ NO_STEPS = Steps(
 
 
 def join_steps(one: Steps, other: Steps) -> Steps:
-    """The steps of one journey and of another that follows it."""
+    """Return the steps of one journey followed by those of another."""
     return Steps(
         lines=np.concatenate((one.lines, other.lines)),
         widths=np.concatenate((one.widths, other.widths)),
@@ -94,12 +95,12 @@ def join_steps(one: Steps, other: Steps) -> Steps:
 
 @kernel(arrays=True)
 def _swaths(lines: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """What `Steps.swaths` returns."""
+    """Return the value of `Steps.swaths`."""
     swaths = np.empty((lines.shape[0], 4, 2))
     for step in range(lines.shape[0]):
         x, y, u, v = lines[step]
         length = math.hypot(u - x, v - y)
-        # To the left of the way, and as long as the ground reaches there; then to the right.
+        # To the left of the way, as far as the ground reaches there; then to the right.
         for side in range(2):
             away = widths[step, side] * (1.0 - 2.0 * side) / length
             east, north = away * (y - v), away * (u - x)

@@ -1,14 +1,15 @@
-"""The way that the robot came, as it knows it best, and where it now is.
+"""The trail: the robot's most likely past path, and its present pose.
 
-The paper's maps are never corrected, and neither are ours: ASRs are told apart, and compared, by
-the odometer alone. But its robot is not told how to drive home, and ours could not by the odometer:
-after 100 m two visits to one place lie metres apart. So beside the paper's maps the robot keeps its
-way as it is most likely by odometer and echoes together. This is ours.
+The paper's maps are never corrected, and neither are ours: ASRs are distinguished and compared by
+the odometer alone. The paper does not say how its robot drives home, and ours could not do so by
+the odometer: after 100 m two visits to one place lie metres apart. So beside the paper's maps the
+robot keeps its most likely path by odometer and echoes together. This is ours.
 
-A particle filter looks for the robot among what it heard some metres before. Each particle
-remembers its way (as in D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient FastSLAM algorithm
-for generating maps of large-scale cyclic environments from raw laser range measurements, 2003), so
-that the ways of those that are left tell where the robot was, too. Unlike there they share one map.
+A particle filter localises the robot among the echoes that it heard more than some metres before.
+Each particle remembers its path (as in D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient
+FastSLAM algorithm for generating maps of large-scale cyclic environments from raw laser range
+measurements, 2003), so the paths of the surviving particles also show where the robot was. Unlike
+in that paper, all particles share one map.
 """
 
 from __future__ import annotations
@@ -35,43 +36,44 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 _PARTICLES = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 _REMEMBERED = Range("a whole number from 1 to 1000", 1.0, 1e3, whole=True)
 _LIMIT = Range("a number within (0, 10]", 0.0, 10.0, beyond=True)
-"""The limits of an echo field (m): sums of their squares stay within 32 bits."""
+"""The limits of an echo field (m): sums of their squares fit into 32 bits."""
 _AROUND = 8.0
-"""Echoes of steps that are farther away than this (m) are not heard from where the robot is."""
+"""Only echoes of steps nearer than this (m) are expected at the robot's position."""
 _SUM = 1e-6
-"""By so much the sum of all weights may be off 1."""
+"""Maximum deviation of the sum of all weights from 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrailConfig:
-    """How the robot is looked for on the way that it came."""
+    """Thresholds of the particle filter that follows the robot's path."""
 
     particles: int = 400
-    """How many ways are kept, 100,000 at most."""
+    """Number of particles, at most 100,000."""
     drift: float = 0.025
     """Standard deviation of the odometer's error of heading after one metre (rad/√m)…"""
     turned: float = 0.03
     """…and after one radian of turn (rad/√rad)."""
     slip: float = 0.04
-    """Standard deviation of its error of place after one metre (m/√m)."""
+    """Standard deviation of the odometer's error of position after one metre (m/√m)."""
     spread: float = 0.2
     """Standard deviation of an echo's distance from the nearest one heard before (m)."""
     farthest: float = 0.4
-    """Where the sound went freely before, echoes farther than this (m) from any are as unlikely as
-    each other…"""
+    """Where the sound went freely before, all echoes farther than this (m) from any known echo are
+    equally unlikely…"""
     unknown: float = 0.3
-    """…and those farther than this (m), where it did not go."""
+    """…and where it did not go, all those farther than this (m)."""
     alike: float = 10.0
-    """So many echoes tell as much as one. Those of one sonar within a metre mostly come from one
-    surface."""
+    """Number of echoes that carry as much information as one independent echo. The echoes of one
+    sonar within a metre mostly come from one surface."""
     through_surface: float = 0.2
-    """Factor of the weight of a particle that moved through a surface. It is not 0: surfaces are
-    inexact, and small gaps in them are closed."""
+    """Factor of the weight of a particle that moved through a surface. It is not 0, because
+    surfaces are inexact, and small gaps in them are closed."""
     recent: float = 5.0
-    """What was heard within the last metres (m) is left out: it errs as the robot does."""
+    """Echoes heard within the last metres of travel (m) are left out: they share the robot's
+    error."""
     remembered: int = 40
-    """How many steps of its way each particle remembers, 1000 at most. What lies before them stays
-    as it is."""
+    """Number of steps of its path that each particle remembers, at most 1000. Earlier steps are no
+    longer changed."""
 
     def __post_init__(self) -> None:
         check_fields(self, _PARTICLES, "particles")
@@ -82,7 +84,7 @@ class TrailConfig:
 
 
 def _check_trail(state: Arrays, sizes: Sizes) -> None:
-    """Raise InputError unless the trail's steps are as long as the odometer has them."""
+    """Raise InputError unless the trail's steps are as long as the odometer's."""
     total = state["trail.weights"].sum()
     refuse_unless(abs(total - 1.0) <= _SUM, "trail.weights", "shares that sum to 1", total)
     remembered = min(sizes["trail"], sizes["most_remembered"])
@@ -96,16 +98,16 @@ def _check_trail(state: Arrays, sizes: Sizes) -> None:
 
 
 class Trail(Stored):
-    """The way that the robot came, and its pose at the end of it.
+    """The robot's most likely past path, and its pose at the path's end.
 
     Attributes:
-        steps: The way as it is most likely.
-        particles: Where the robot may be at the end of it.
-        frame: Where the trail's frame lies in the odometer's.
+        steps: The most likely path.
+        particles: The possible poses at its end.
+        frame: The pose of the trail's frame in the odometer's frame.
 
     Args:
-        config: How the robot is looked for.
-        rng: What draws the particles' errors.
+        config: Thresholds of the particle filter.
+        rng: Generator of the particles' errors.
     """
 
     SCHEMA = Schema(
@@ -124,13 +126,13 @@ class Trail(Stored):
         self.particles = Particles(np.zeros(3), config.particles, rng)
         self.frame = np.zeros(3)
         self._latest = np.zeros(3)
-        # Where the particles were at the end of each step, and which of them were drawn there. The
-        # latest step takes the row of the oldest.
+        # The particles' poses at the end of each step, and which of them were drawn there. The
+        # latest step uses the row of the oldest.
         self._past = np.empty((config.remembered, config.particles, 3))
         self._drawn = np.empty((config.remembered, config.particles), np.int64)
 
     def extend(self, steps: Steps) -> None:
-        """Follow the robot along its next steps, which lie as the odometer has them."""
+        """Follow the robot along its next steps, given in the odometer's frame."""
         config, particles, before = self._config, self.particles, self._heard_before()
         field, surfaces = EchoField(before, config.farthest, config.unknown), before.surfaces
         lengths = np.hypot(*(steps.lines[:, 2:] - steps.lines[:, :2]).T)
@@ -150,7 +152,7 @@ class Trail(Stored):
         self._lay_out()
 
     def _heard_before(self) -> Steps:
-        """The steps from which the robot may hear what it heard on them, but the latest."""
+        """Return the steps whose echoes the robot may hear again, without the latest steps."""
         lines = self.steps.lines
         if not len(lines):
             return self.steps
@@ -159,15 +161,15 @@ class Trail(Stored):
         return self.steps.part((left > self._config.recent) & (away < _AROUND))
 
     def _lay_out(self) -> None:
-        """Lay the latest steps where the particles that are left have them in the mean."""
+        """Correct the latest steps to the mean paths of the surviving particles."""
         rows = self._rows(len(self.steps.lines))
-        # The steps' lines are in no other hands yet: they were joined a moment ago.
+        # The array of lines was made by the join just before, so nothing else refers to it.
         latest = self.steps.lines[-len(rows) :]
         _lay_along(latest, self._past, self._drawn, rows, self.particles.weights)
         self.frame = compose(self._latest, inverse(self.particles.mean))
 
     def _rows(self, steps: int) -> Int64[np.ndarray, "remembered"]:
-        """The rows of the steps that are remembered of so many, from the oldest on."""
+        """Return the rows of the steps that are remembered out of `steps`, the oldest first."""
         remembered = self._config.remembered
         return np.arange(max(steps - remembered, 0), steps) % remembered
 
@@ -176,7 +178,7 @@ class Trail(Stored):
         return {"particles": config.particles, "most_remembered": config.remembered}
 
     def _stored(self) -> dict[str, np.ndarray]:
-        # What the steps, as the odometer has them, do not tell.
+        # The data that do not follow from the odometer's steps.
         rows = self._rows(len(self.steps.lines))
         return {
             "trail.lines": self.steps.lines,
@@ -196,7 +198,7 @@ class Trail(Stored):
 
 
 def end_poses(lines: Segments) -> Poses:
-    """The poses at the ends of steps, in the directions in which they lead."""
+    """Return the poses at the ends of steps, in the directions in which the steps lead."""
     ways = lines[:, 2:] - lines[:, :2]
     return np.column_stack((lines[:, 2:], np.arctan2(ways[:, 1], ways[:, 0])))
 
@@ -205,18 +207,18 @@ def end_poses(lines: Segments) -> Poses:
 def _lay_along(
     lines: np.ndarray, past: np.ndarray, drawn: np.ndarray, rows: np.ndarray, weights: np.ndarray
 ) -> None:
-    """Lay steps where the particles that are left have them in the mean.
+    """Correct steps to the mean paths of the surviving particles.
 
     Args:
-        lines: (steps, 4): the steps, from the oldest on; they keep their lengths (m).
-        past: (remembered, particles, 3): where all particles were at the end of each step.
-        drawn: (remembered, particles): which were drawn there.
-        rows: (steps,): the rows of the steps in these.
-        weights: Weights of the particles that are left.
+        lines: (steps, 4): the steps, the oldest first; they keep their lengths (m).
+        past: (remembered, particles, 3): the poses of all particles at the end of each step.
+        drawn: (remembered, particles): the particles drawn there.
+        rows: (steps,): the rows of the steps in these arrays.
+        weights: Weights of the surviving particles.
     """
     shares, earlier = weights.copy(), np.empty_like(weights)
     for step in range(rows.shape[0] - 1, -1, -1):
-        # A particle has the weights of all that were drawn from it.
+        # A particle has the weights of all particles that were drawn from it.
         row = rows[step]
         earlier[:] = 0.0
         for k in range(shares.shape[0]):

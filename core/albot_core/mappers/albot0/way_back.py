@@ -1,6 +1,6 @@
-"""The way home along the way out, and in which of its ASRs the robot may be.
+"""The way home along the way out, and the ASRs of the way out in which the robot may be.
 
-The paper does not tell how its robot chooses where to go on its way home: this is ours, and so is
+The paper does not say how its robot chooses where to go on its way home: this is ours, and so is
 the cue `way` that rests on it.
 """
 
@@ -26,32 +26,32 @@ from albot_core.mappers.albot0.steps import Steps
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
 _GAP = 0.5
-"""The way out is given by points so far apart (m)."""
+"""Spacing of the points that represent the way out (m)."""
 _BESIDE = 1.5
-"""Between two points of the way out no farther apart (m) the robot can go straight, if there is no
-surface between."""
+"""The robot can go straight between two points of the way out that are no farther apart (m), if no
+surface is between them."""
 _AROUND = 3.0
-"""Of the points of the way out nearer to the robot than this (m), those behind a surface do not
-count, unless all lie behind one."""
+"""Points of the way out nearer to the robot than this (m) are ignored if they are behind a surface,
+unless all of them are."""
 _LEAST = 1e-9
-"""No two points of the way out are taken to be nearer to each other than this (m)."""
+"""Minimum distance between two points of the way out (m)."""
 _LOOP = 0.99
-"""Of the ASRs that a place is equally near to, the one nearest home wins by this: loops of the way
-out, such as a room looked into, are left out."""
+"""Of several ASRs equally near to a point, the one nearest home gets 1 and the others this value,
+so that loops of the way out, such as a room looked into, are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WayBackConfig:
-    """How the way home leads along the way out."""
+    """Thresholds of the way home along the way out."""
 
     same: float = 0.75
-    """Where the way out comes by that much farther away (m) than where it is nearest, or less, the
-    robot may be on either part of it: it knows its position no better."""
+    """The robot may be on any part of the way out that is at most this much farther away (m) than
+    the nearest part, because its position is no better known."""
     near: float = 0.5
-    """Standard deviation of how much farther away than the nearest an ASR is that the robot may be
-    in (m). So two are about as likely where they meet."""
+    """Standard deviation of the excess distance of the robot's ASR over the nearest one (m). It
+    makes two ASRs about equally likely where they meet."""
     ahead: float = 1.5
-    """The robot is shown a point so far ahead (m)."""
+    """Distance of the point ahead that is shown to the robot (m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "same")
@@ -62,11 +62,11 @@ class WayBack:
     """The way home from where the robot may be.
 
     Args:
-        out: The steps of the way out, one at least.
-        surfaces: Those beside the way out, and beside the way home so far (m).
-        particles: Where the robot may be, in the frame of the way out.
-        frame: Where that frame lies in the odometer's.
-        config: How the way home leads.
+        out: The steps of the way out, at least one.
+        surfaces: The surfaces beside the way out, and beside the way home so far (m).
+        particles: The robot's possible poses, in the frame of the way out.
+        frame: The pose of that frame in the odometer's frame.
+        config: Thresholds of the way home.
     """
 
     def __init__(
@@ -85,16 +85,16 @@ class WayBack:
 
     @cached_property
     def _laid(self) -> tuple[Points, Int64[np.ndarray, "points"]]:
-        """Points along the way out, and the step that each is on."""
+        """The points along the way out, and the step of each point."""
         return _points_along(self._out.lines, _GAP)
 
     def border(self, step: int) -> Segments:
-        """The line across the way out where a step begins, as the odometer has it (m)."""
+        """Return the line across the way out where a step begins, in the odometer's frame (m)."""
         line = self._out.part(slice(step, step + 1)).swaths[:, :2].reshape(1, 4)
         return transform_segments(self._frame, line)
 
     def fit(self, regions: Regions) -> Confidences:
-        """How well each ASR of the way out fits where the robot may be; the best one has 1.
+        """Return how well each ASR of the way out fits where the robot may be; the best one has 1.
 
         A particle fits the ASRs that are about as near as the nearest one.
         """
@@ -110,13 +110,13 @@ class WayBack:
         return np.asarray(fitted / fitted.max())
 
     def ahead(self, pose: Pose) -> tuple[Points, float]:
-        """A point a little ahead on the way home, and how far it is home along the way (m).
+        """Return a point a little ahead on the way home, and the length of the way home (m).
 
-        The way home begins at the nearest point of the way out with no surface before it. The point
-        ahead is NaN where home is nearer.
+        The way home begins at the nearest point of the way out without a surface in between. The
+        point ahead is NaN if home is nearer.
 
         Args:
-            pose: Where the odometer has the robot.
+            pose: The robot's pose by the odometer.
         """
         (left, towards_home), (points, _) = self._way_home, self._laid
         robot = transform_points(inverse(self._frame), pose[:2])
@@ -124,7 +124,7 @@ class WayBack:
         around = np.flatnonzero(away <= _AROUND)
         barred = self._barred(np.broadcast_to(robot, (len(around), 2)), points[around])
         if not barred.all():
-            # A trail that bends comes by behind walls. Where all points do, a surface is wrong.
+            # A trail that bends passes behind walls. If all points are barred, a surface is wrong.
             away[around[barred]] = np.inf
         is_near = away <= away.min() + self._config.near
         total = np.where(is_near, away + left, np.inf)
@@ -136,7 +136,7 @@ class WayBack:
         return transform_points(self._frame, point), length
 
     def _barred(self, places: Points, others: Points) -> Bool[np.ndarray, "ways"]:
-        """Whether a surface lies between places and others (m)."""
+        """Return whether a surface lies between each place and the same one of `others` (m)."""
         ways = shapely.linestrings(np.stack((places, others), axis=1))
         barred = np.zeros(len(ways), np.bool_)
         barred[self._walls.query(ways, predicate="intersects")[0]] = True
@@ -148,9 +148,9 @@ class WayBack:
 
     @cached_property
     def _way_home(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
-        """Of each point of the way out, how far it is home (m) and the next point on the way there.
+        """The length of the way home from each point of the way out (m), and the next point on it.
 
-        Where the way out comes by again, and there is no surface between, its loop is cut off.
+        Where the way out passes again, with no surface in between, its loop is cut off.
         """
         points, count = self._laid[0], len(self._laid[0])
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
@@ -165,7 +165,7 @@ class WayBack:
 
 
 def _points_along(lines: Segments, gap: float) -> tuple[Points, Int64[np.ndarray, "points"]]:
-    """Points along line segments, about so far apart (m), and which one each is on."""
+    """Return points along line segments, about `gap` apart (m), and the segment of each point."""
     counts = np.maximum(np.round(np.hypot(*(lines[:, 2:] - lines[:, :2]).T) / gap), 1).astype(int)
     index = np.repeat(np.arange(len(lines)), counts)
     place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)

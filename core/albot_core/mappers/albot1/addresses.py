@@ -1,7 +1,7 @@
-"""Where compiled code finds the map, the last view and the exits of each of many robots.
+"""Table of the addresses at which compiled code finds each robot's map, last view and exits.
 
-Robots remember more or less, so their maps cannot stand in one array. Each robot has arrays of its
-own, which are exchanged for larger ones as its map grows. A kernel that steps many robots takes a
+The robots' maps differ in size, so they cannot stand in one array. Each robot has arrays of its
+own, which are replaced by larger ones as its map grows. A kernel that steps many robots takes a
 table with the addresses of all their arrays.
 """
 
@@ -20,9 +20,9 @@ from albot_core.mappers.albot1.trail.crumb_kernels import Crumbs
 from albot_core.mappers.albot1.trail.path_tree import PathGraph
 
 MAP_ROOM, VIEW_ROOM, CRUMB_ROOM, LINK_ROOM = 0, 1, 2, 3
-"""Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
-room for, and breadcrumbs and links that there is room for; after them the addresses of its
-memory's arrays, of its view's, of its exits', and of its breadcrumbs'."""
+"""Columns of the table: capacity of the robot's map (surfaces), of its view (surfaces), of its
+breadcrumbs and of its links. The columns after them are the addresses of the arrays of the map, the
+view, the exits, the breadcrumbs and the links."""
 _MAP = 4
 _VIEW = _MAP + len(PerceptualMap._fields)
 _EXITS = _VIEW + len(LocatedView._fields)
@@ -36,19 +36,19 @@ class RobotArrays(NamedTuple):
     """The arrays of one robot."""
 
     pm: PerceptualMap
-    """Its map."""
+    """The robot's map."""
     view: LocatedView
-    """Its last view."""
+    """The robot's last view."""
     exits: ExitMemory
-    """The exits that it has seen."""
+    """The exits that the robot has seen."""
     crumbs: Crumbs
-    """Its breadcrumbs."""
+    """The robot's breadcrumbs."""
     graph: PathGraph
-    """The links between them."""
+    """The links between the breadcrumbs."""
 
 
 def addresses_of(arrays: RobotArrays) -> Int64[np.ndarray, "columns"]:
-    """A robot's row of the table. It holds as long as the arrays live."""
+    """Return a robot's row of the table. It is valid as long as the arrays live."""
     addresses = [array.ctypes.data for part in arrays for array in part]
     pm, view, _, crumbs, graph = arrays
     rooms = [len(pm.ids), len(view.slots), len(crumbs.places), len(graph.lengths)]
@@ -63,7 +63,7 @@ _edge_pairs, _truths = array_at(2, kind=types.int8), array_at(kind=types.boolean
 
 @kernel()
 def map_at(table: np.ndarray) -> PerceptualMap:
-    """The map whose arrays' addresses stand in a row of the table."""
+    """Return the map whose arrays' addresses stand in a row of the table."""
     capacity, at = table[MAP_ROOM], _MAP
     return PerceptualMap(
         _lines(table[at], capacity),
@@ -81,7 +81,7 @@ def map_at(table: np.ndarray) -> PerceptualMap:
 
 @kernel()
 def view_at(table: np.ndarray) -> LocatedView:
-    """The view whose arrays' addresses stand in a row of the table."""
+    """Return the view whose arrays' addresses stand in a row of the table."""
     room, at = table[VIEW_ROOM], _VIEW
     return LocatedView(
         _lines(table[at], room),
@@ -95,7 +95,7 @@ def view_at(table: np.ndarray) -> LocatedView:
 
 @kernel()
 def exits_at(table: np.ndarray) -> ExitMemory:
-    """The exits whose arrays' addresses stand in a row of the table."""
+    """Return the exits whose arrays' addresses stand in a row of the table."""
     return ExitMemory(
         _lines(table[_EXITS], MAX_EXITS),
         _numbers(table[_EXITS + 1], 5),
@@ -106,7 +106,7 @@ def exits_at(table: np.ndarray) -> ExitMemory:
 
 @kernel()
 def crumbs_at(table: np.ndarray) -> Crumbs:
-    """The breadcrumbs whose arrays' addresses stand in a row of the table."""
+    """Return the breadcrumbs whose arrays' addresses stand in a row of the table."""
     room, at = table[CRUMB_ROOM], _CRUMBS
     return Crumbs(
         _pairs(table[at], room),
@@ -119,7 +119,7 @@ def crumbs_at(table: np.ndarray) -> Crumbs:
 
 @kernel()
 def graph_at(table: np.ndarray) -> PathGraph:
-    """The links of breadcrumbs whose arrays' addresses stand in a row of the table."""
+    """Return the links of the breadcrumbs whose arrays' addresses stand in a row of the table."""
     points, links, at = table[CRUMB_ROOM], table[LINK_ROOM], _GRAPH
     return PathGraph(
         _integers(table[at], 2),

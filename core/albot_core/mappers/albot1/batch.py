@@ -1,4 +1,4 @@
-"""Albot1 in many robots at once."""
+"""Albot1 for many robots at once."""
 
 from __future__ import annotations
 
@@ -47,29 +47,29 @@ from albot_core.sensing.reading import LaserGeometry, Readings
 from albot_core.sensing.view import view_settings
 
 AFRESH = 0.2
-"""The way home is found anew after so much way (m)."""
+"""The way home is updated each time the robot has moved this far (m)."""
 
 
 class Albot1Batch:
-    """Many robots with a perceptual map each, led by one compiled loop (a `MapperBatch`).
+    """Many robots with a perceptual map each, stepped by one compiled loop (a `MapperBatch`).
 
-    A single `Albot1` is a batch of one. Threads may update disjoint rows at the same time:
-    a robot's arrays are its own, also while they are exchanged for larger ones.
+    A single `Albot1` is a batch of one. Threads may update disjoint rows at the same time: each
+    robot has its own arrays, also while they are replaced by larger ones.
 
     Args:
-        count: How many robots.
+        count: Number of robots.
         config: All thresholds; by default those of `albot1`.
-        name: The name under which the mappers are known.
+        name: The name under which the mappers are registered.
     """
 
     recognises_places = True
-    """Whether the mappers match readings: these do."""
+    """Whether the mappers match readings: always true."""
 
     def __init__(
         self, count: int, config: Albot1Config | None = None, name: str = "albot1"
     ) -> None:
         self.spec: MapperSpec = mapper_spec(name)
-        """What is known of the mappers by their name."""
+        """The specification registered under the mappers' name."""
         self.config = config or Albot1Config()
         self._limits = self.config.limits
         self._arrays: list[RobotArrays] = []
@@ -110,24 +110,24 @@ class Albot1Batch:
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where each robot believes to be, in its map's frame. Written over by updates."""
+        """The estimated pose of each robot (m, rad; its map's frame). Overwritten by updates."""
         return self._robots.poses
 
     @property
     def homes(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where home is believed to be, in each one's map's frame. Written over by updates."""
+        """The estimated pose of home in each robot's map frame. Overwritten by updates."""
         return self._homes
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
-        """The earlier reading taken nearest by in the present place; -1 in a new place.
+        """The earlier reading taken nearest to each robot in its present place; -1 in a new place.
 
-        As of the last `match_readings`, or since its place changed. Written over.
+        As of the last `match_readings`, or of the robot's last change of place. Overwritten.
         """
         return self._matched_readings
 
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Bring `matched_readings` of some up to date."""
+        """Update `matched_readings` for the given rows."""
         for row in rows.tolist():
             if self._places[row, 0]:
                 matched = self._networks[row].match_reading(self.poses[row])
@@ -135,25 +135,26 @@ class Albot1Batch:
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
-        """How often each map has changed: its surfaces, or its network of places."""
+        """The number of changes of each robot's map: of its surfaces or its network of places."""
         return self.updates + self._network_versions
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
-        """Whether each knows its place from before; has lost its way. Written over."""
+        """Whether each robot recognises its place, and whether it is lost. Overwritten."""
         return self._places
 
     @property
     def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
-        """The way home that each believes in, as of the last `find_ways`. Written over."""
+        """The believed way home of each robot, as of the last `find_ways`. Overwritten."""
         return self._ways_home
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the way home of those that have gone on (AFRESH), or whose network has changed.
+        """Update the way home of the rows that have moved by AFRESH or whose network has changed.
 
-        The next exit is that of when the network last changed, as it does with each exit
-        crossed: within a place the way does not turn round for another exit. There is none where
-        the path says that home is at hand, even if the place is taken for another than home.
+        The next exit is searched only when the network changes, as it does at each exit crossed, so
+        that within a place the robot does not turn round for another exit. There is no next exit
+        where the path along the breadcrumbs says that home is near, even if the present place is
+        taken for another than home.
         """
         gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
         for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
@@ -173,21 +174,21 @@ class Albot1Batch:
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
-        """How often each has laid a view over its map. Written over by updates."""
+        """The number of times each robot has laid a view over its map. Overwritten by updates."""
         return self._robots.progress[:, UPDATES]
 
     @property
     def segment_counts(self) -> Int64[np.ndarray, "robots"]:
-        """How many surfaces each remembers. Written over by updates."""
+        """The number of surfaces in each robot's map. Overwritten by updates."""
         return self._robots.surfaces
 
     @property
     def lost(self) -> Int64[np.ndarray, "robots"]:
-        """At how many views no landmark was recognised and path integration stood in."""
+        """The number of views at which no landmark was recognised and odometry stood in."""
         return self._robots.progress[:, UNRECOGNIZED]
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
-        """Let one forget everything. It draws no random number."""
+        """Forget all that one robot remembers. Draws no random number."""
         self._robots.readings[row] = 0
         pm, view, exits, _, _ = self._arrays[row]
         clear_map(pm)
@@ -209,7 +210,7 @@ class Albot1Batch:
         self._robots.surfaces[row] = 0
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
-        """Let some take in their readings, which stand in the same rows.
+        """Process the readings of the given rows; `readings` holds a row for every robot.
 
         Raises:
             InputError: The robots have no laser.
@@ -226,7 +227,7 @@ class Albot1Batch:
         motions: Float64[np.ndarray, "robots 3"],
         laser: LaserGeometry,
     ) -> None:
-        """`update` with the arrays of readings that matter to the map."""
+        """Process readings as `update` does, given as the arrays that the map needs."""
         arguments = self._arguments_cache.arguments(laser)
         ranges = np.ascontiguousarray(ranges, np.float64)
         motions = np.ascontiguousarray(motions, np.float64)
@@ -238,39 +239,39 @@ class Albot1Batch:
             self._handle_events(row)
 
     def network(self, row: int) -> PlaceNetwork:
-        """The network of places that one remembers (not a copy)."""
+        """Return one robot's network of places (not a copy)."""
         return self._networks[row]
 
     def exits(self, row: int) -> Segments:
-        """The exits that one has seen and remembers, in its map's frame (a copy)."""
+        """Return the exits that one robot has seen and remembers, in its map's frame (a copy)."""
         exits = self._arrays[row].exits
         return exits.lines[: exits.counts[0]].copy()
 
     def begin_return(self, row: int) -> None:
-        """Do nothing: its map is the same on the way out and home."""
+        """Do nothing: the map is the same on the way out and on the way home."""
 
     def snapshot(self, row: int) -> MapSnapshot:
-        """The map of one: its surfaces and its network of places."""
+        """Return one robot's map: its surfaces and its network of places."""
         graph = self._networks[row].snapshot().place_graph
         return MapSnapshot(layers=(SegmentsLayer(segments=self.surfaces(row)), graph))
 
     def activity(self, row: int) -> Activity | None:
-        """None: there is no attractor network."""
+        """Return None: there is no attractor network."""
 
     def surfaces(self, row: int) -> Segments:
-        """The surfaces that one remembers, in its map's frame (a copy)."""
+        """Return the surfaces in one robot's map, in the map's frame (a copy)."""
         pm = self._arrays[row].pm
         alive = living(pm)
         return np.asarray(pm.surfaces[: len(alive)][alive])
 
     def state(self, row: int) -> dict[str, np.ndarray]:
-        """Everything that one remembers, as arrays by name."""
+        """Return everything that one robot remembers, as arrays by name."""
         pm, view, exits, _, _ = self._arrays[row]
         rows = {name: getattr(self._robots, field)[row] for name, field in STORED_ROWS.items()}
         return SCHEMA.arrays({**rows, **stored_arrays(pm, view, exits, self._networks[row])})
 
     def restore(self, row: int, state: Arrays) -> None:
-        """Let one become the one that returned `state`.
+        """Restore one robot's memory from what `state` returned.
 
         Raises:
             InputError: The arrays contradict each other.
@@ -290,7 +291,7 @@ class Albot1Batch:
         self.match_readings(np.array([row]))
 
     def kept_way(self, row: int) -> dict[str, np.ndarray]:
-        """Return the way home that one has found and may still use (see `find_ways`)."""
+        """Return one robot's last way home and whether it is still current (see `find_ways`)."""
         return {
             "found_at": self._found_at[row].copy(),
             "next_exit": self._next_exits[row].copy(),
@@ -298,18 +299,18 @@ class Albot1Batch:
         }
 
     def restore_way(self, row: int, kept: Mapping[str, np.ndarray]) -> None:
-        """Let one, just restored, use the way that `kept_way` returned."""
+        """Restore one robot's way home from what `kept_way` returned, after `restore`."""
         self._found_at[row] = kept["found_at"]
         self._next_exits[row] = kept["next_exit"]
         self._versions[row] = self._networks[row].version if kept["is_current"] else -1
 
     def _forget_ways(self, row: int) -> None:
-        """Another network: the way home must be found anew."""
+        """Mark the way home as outdated, because the network was replaced."""
         self._versions[row] = self._expecting[row] = -1
         self._note_places(row)
 
     def _note_places(self, row: int) -> None:
-        """Note what the network says of home and of the present place."""
+        """Copy what the network says of home and the present place into the robot's rows."""
         network = self._networks[row]
         self._homes[row] = network.home
         matched = network.match_reading(self.poses[row])
@@ -325,7 +326,7 @@ class Albot1Batch:
             expect_exits(self._arrays[row].exits, network.predicted_exits)
 
     def _handle_events(self, row: int) -> None:
-        """Handle what happened to one at its last reading."""
+        """Handle the events of one robot's last reading."""
         self._networks[row].reading = int(self._robots.readings[row]) - 1
         robot, events = self._robot(row), int(self._robots.events[row])
         handle_events(robot, events, self._limits)
@@ -345,11 +346,11 @@ class Albot1Batch:
         )
 
     def _set_addresses(self, row: int) -> None:
-        """Tell the kernel where a robot's arrays are."""
+        """Write the addresses of a robot's arrays into the table."""
         self._robots.table[row] = addresses_of(self._arrays[row])
 
     def _enlarge(self, row: int) -> None:
-        """Give one twice the room: its breadcrumbs, or else its map and its view."""
+        """Double the capacity of one robot's breadcrumbs or, if these have room, map and view."""
         arrays, breadcrumbs = self._arrays[row], self._networks[row].breadcrumbs
         if breadcrumbs.ensure_room():
             arrays = arrays._replace(crumbs=breadcrumbs.crumbs, graph=breadcrumbs.tree.graph)
@@ -361,5 +362,5 @@ class Albot1Batch:
         self._set_addresses(row)
 
     def _arguments(self, laser: LaserGeometry) -> tuple[Any, ...]:
-        """What `step_robots` takes."""
+        """Return the arguments of `step_robots`."""
         return self._robots, view_settings(laser, self.config.view), self._limits

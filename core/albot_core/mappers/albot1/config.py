@@ -1,4 +1,4 @@
-"""Every threshold of Albot1. The defaults are those of `albot1`; `thesis()` those of the thesis."""
+"""All thresholds of Albot1. The defaults are those of `albot1`; `thesis()` gives the thesis's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HEIGHT = Range("a number from 0, or infinity", 0.0, infinite=True)
 
 
 class Albot1Limits(NamedTuple):
-    """`Albot1Config` as compiled code takes it (m, rad)."""
+    """The values of `Albot1Config` that compiled code needs (m, rad)."""
 
     view_spacing: float
     view_turn: float
@@ -53,49 +53,51 @@ class PlacesConfig:
     """Thresholds of the network of places (chapter 4)."""
 
     match: MatchConfig = field(default_factory=MatchConfig)
-    """When surfaces, and places, are the same (section 4.1.2). The thesis's surfaces may be 0.40 m
-    apart; it does not limit where a place may be found."""
+    """When two surfaces match, and two places (section 4.1.2). In the thesis surfaces match up to
+    0.40 m apart, and the position of a matching place is not limited."""
     min_matches: int = 4
-    """More surfaces must be the same (algorithm 6, line 11)…"""
+    """Places are one only if more of their surfaces than this match (algorithm 6, line 11)…"""
     min_probability: float = 0.93
-    """…and it must be so probable that the places are one (`places/evidence.py`). At 0, as in
-    `albot1-thesis` and `albot1-tracked`, that is not asked, but the next shares are."""
+    """…and if the probability that they are one is at least this (`places/evidence.py`). At 0, as
+    in `albot1-thesis` and `albot1-tracked`, no probability is computed, and the shares below
+    decide."""
     min_share: float = 0.3
-    """The same surfaces must make up this share of the smaller description (thesis: any)."""
+    """Minimum share of the smaller description that must match (thesis: any)."""
     reobserved_share: float = 0.1
-    """A place is a loop-closure candidate if more surfaces are observed again than its gate says:
-    this share of all its surfaces…"""
+    """A place is a loop-closure candidate if more of its surfaces are observed again than its gate.
+    The gate is this share of all its surfaces…"""
     min_reobserved: int = 2
-    """…but no fewer than this…"""
+    """…but at least this number…"""
     max_reobserved: int = 8
-    """…and no more than this. The thesis says only that n grows with the place's size."""
+    """…and at most this number. The thesis says only that n grows with the place's size."""
     candidates_by_position: bool = True
-    """When the robot enters a new place, those within whose surfaces it believes to stand are
-    candidates as well. Off in the thesis."""
+    """Whether, when the robot enters a new place, the known places whose bounding box holds its
+    estimated position are candidates as well. Off in the thesis."""
     min_share_here: float = 0.7
-    """There the same surfaces must make up this share of the smaller description, where the
-    probability is not asked."""
+    """Minimum share of the smaller description that must match for such a candidate, where no
+    probability is computed."""
     expects_drift: bool = True
     """Whether the map may have drifted. The distance at which a known exit or place is accepted
-    grows with the way since the map was last aligned. The robot may have entered the next room
-    unnoticed. Off in `albot1-thesis` and `albot1-tracked`."""
+    then grows with the distance travelled since the map was last aligned, and the robot may have
+    entered the next place unnoticed. Off in `albot1-thesis` and `albot1-tracked`."""
     compare_spacing: float = 0.7
-    """Places are compared again after the robot has gone so far (m)…"""
+    """Places are compared again after the robot has moved this far (m)…"""
     compare_turn: float = np.radians(45.0)
-    """…or turned so far (rad)."""
+    """…or turned this far (rad)."""
     uses_expected_exits: bool = True
-    """Known exits are crossed where they are expected, though they are not seen. Off in the
-    thesis."""
+    """Whether known exits are crossed where they are expected, even if they are not seen. Off in
+    the thesis."""
     tolerance: float = 0.40
-    """Where map and alignment differ by less (m), the map is left as it is."""
+    """A correction of the map smaller than this (m) is not applied."""
     min_relocalise_matches: int = 7
-    """A robot that was carried away recognises a place by at least so many surfaces; and it must be
-    so probable that it is there as `min_probability` says (`places/hypothesis.py`)."""
+    """Minimum number of matching surfaces at which a robot that was carried away recognises a
+    place. The probability of that place must reach `min_probability` as well
+    (`places/hypothesis.py`)."""
     max_surfaces: int = 1024
-    """Surfaces of a place's description; those seen last are kept. Without a
-    limit, a robot that drifts as it comes back would describe each wall again beside itself."""
+    """Maximum number of surfaces in a place's description; those seen last are kept. Without a
+    limit, a robot whose map drifts would add each wall again, beside itself, at every return."""
     max_events: int = 512
-    """Events remembered; the oldest are forgotten first."""
+    """Maximum number of events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "tolerance", "compare_spacing", "compare_turn")
@@ -107,7 +109,7 @@ class PlacesConfig:
 
     @classmethod
     def thesis(cls) -> PlacesConfig:
-        """The thesis's thresholds. They ask for less, though rooms are alike."""
+        """Return the thesis's thresholds, which are less strict, although rooms look alike."""
         return cls(
             match=MatchConfig(max_gap=0.40, max_shift=np.inf, max_turn=np.pi),
             min_probability=0.0,
@@ -120,13 +122,13 @@ class PlacesConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Albot1Config:
-    """Thresholds of Albot1. `Albot1Config.thesis()` are the thesis's, to the letter.
+    """Thresholds of Albot1. `Albot1Config.thesis()` returns the thesis's, to the letter.
 
-    The defaults depart from it in these ways. Surfaces lie on the line of all their points. The
-    robot's own place belongs to the boundary of its view. Walls are extended only as far as they
-    are straight. The odometer's turn is searched anew, because in real logs it is often off by more
-    than the 5° that recognition allows. All that is remembered nearby localises the robot. Places
-    are compared more strictly.
+    The defaults differ from the thesis as follows. A surface lies on the line fitted to all its
+    points. The robot's position belongs to the boundary of its view. A wall is extended only as far
+    as it is straight. The odometer's turn is searched, because in real logs it is often off by more
+    than the 5° that recognition allows. All remembered walls nearby localise the robot. Places are
+    compared more strictly.
     """
 
     view: ViewConfig = field(
@@ -140,19 +142,19 @@ class Albot1Config:
     )
     """Parameters of view construction (section 3.1.3). A bent wall that is drawn straight turns the
     robot a little at each update, always the same way, so walls are broken where they are bent: on
-    Intel and Wean Hall errors are nearly alike for F statistics of 10 and 20. An occluding point
-    obstructs another surface, as in the thesis: without such ends along one wall (`grazing_ends`)
-    the corridor of experiment 3 and ACES come out better (`albot1-readings`)."""
+    Intel and Wean Hall errors are nearly equal for F statistics of 10 and 20. As in the thesis, an
+    occluding point needs another surface that it obstructs: without the ends along one wall
+    (`grazing_ends`), the corridor of experiment 3 and ACES come out better (`albot1-readings`)."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Thresholds of the network of places (chapter 4)."""
     remembers_places: bool = True
-    """Whether exits are found and places remembered (chapter 4). Without, chapter 3 stands alone:
+    """Whether exits are found and places remembered (chapter 4). If off, only chapter 3 is in use:
     no exit is crossed, and none forces an update of the map (algorithm 5, line 16)."""
     view_spacing: float = 0.3
-    """A reading is a view only from this far from the last view's place on (m)…"""
+    """A reading is a view if the robot has moved at least this far since the last view (m)…"""
     view_turn: float = np.radians(15.0)
-    """…or from this large a turn since on (rad); one nearer than both only moves the robot, as the
-    odometer says. With `submap_matching` one is also a view where the odometer cannot be believed
+    """…or turned at least this far (rad); any other reading only moves the robot by its odometer.
+    With `submap_matching` a reading is also a view where the odometer cannot be trusted
     (`is_view_due`). At 0 every reading is a view.
 
     The thesis's robots stopped for each view, or, guided in continuous motion, took one every 10 cm
@@ -160,77 +162,79 @@ class Albot1Config:
     they are, in worlds and on logs, and take less time (`albot bench --part views`).
     """
     landmark_length: float = 0.40
-    """Shorter surfaces are no landmarks (m; section 3.1.4)."""
+    """Minimum length of a landmark (m; section 3.1.4)."""
     landmark_angle: float = np.radians(5.0)
-    """Two surfaces are taken for one only below this angle (rad; algorithm 1, line 6)."""
+    """Two surfaces match only if the angle between them is below this (rad; algorithm 1, line
+    6)."""
     landmark_gap: float = 0.40
-    """Two surfaces are taken for one only where their occluding or corner points are nearer
-    than this (m; algorithm 1, line 7)."""
+    """Two surfaces match only if their occluding or corner points are nearer than this
+    (m; algorithm 1, line 7)."""
     min_landmarks: int = 3
     """With fewer recognised landmarks the limiting point is reached (algorithm 4, line 12)."""
     margin: float = 0.18
-    """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9). The
-    thesis's is 0.40. The less a map drifts, the less has to go with what a view covers, and what
-    stays holds the next views. It is no round length, and no other threshold, for walls are cut
-    exactly so far from the boundary."""
+    """A point this near to the view's boundary counts as inside (m; algorithm 3, line 9). The
+    thesis has 0.40. The less a map drifts, the less of it must be removed with a view, and what
+    remains localises the next views. The value is not round and differs from all other thresholds,
+    because walls are cut at exactly this distance from the boundary."""
     robot_in_boundary: bool = True
-    """The robot's own place is a corner of the view's boundary. Off in the thesis: there the
+    """Whether the robot's position is a corner of the view's boundary. Off in the thesis: there the
     boundary joins the surfaces' ends alone (algorithm 3, line 7), so that where nothing stands at
     ±90° the ground between the robot and its first and last surface counts as outside."""
     keeps_outer_end: bool = True
-    """A remembered surface that a view extends keeps its end outside the view (algorithm 3,
-    line 12). Off, the view's surface is drawn out, in its own direction, as far as that end: a
-    short new surface swings a long old wall about (`albot experiment run albot1-readings`)."""
+    """Whether a remembered surface that a view extends keeps its end outside the view (algorithm 3,
+    line 12). If off, the view's surface is extended in its own direction as far as that end: a
+    short new surface then rotates a long old wall (`albot experiment run albot1-readings`)."""
     join_height: float = 0.05
-    """A remembered surface is drawn together with the view's only where the wall stays straight:
+    """A remembered surface is joined with the view's surface only where the wall stays straight:
     where the outer end of the view's surface lies no farther than this (m) from the straight line
-    between its other end and the remembered outer end. The walls on both sides of an alcove pass as
-    one wall (within `landmark_gap` and `landmark_angle`); a single surface would lie beside both of
-    them, and pull the next views along. It has no effect with `keeps_outer_end` off. On Intel and
-    Wean Hall errors are nearly alike from 0.03 to 0.10 m. Infinite, so without effect, in
-    `albot1-thesis`, and in `albot1-tracked`, which matches nothing with walls in the map."""
+    between its other end and the remembered outer end. The walls on both sides of an alcove match
+    as one wall (within `landmark_gap` and `landmark_angle`); a single surface would lie beside both
+    of them, and bias the next views. It has no effect with `keeps_outer_end` off. On Intel and Wean
+    Hall errors are nearly equal from 0.03 to 0.10 m. Infinite, thus without effect, in
+    `albot1-thesis` and in `albot1-tracked`, which matches no view with the map."""
     covered_is_reobserved: bool = False
-    """Every surface that a view covers, at one end or both, counts as met again (section 4.1.2):
-    those about to be deleted or extended. Off, only one that the view holds too, within
-    `landmark_gap` and `landmark_angle`. Off in `albot1`, where it changes no network of places
-    (`albot1-readings`): what is met again is counted as it is matched."""
+    """Whether every surface with one or both ends inside a view, which is about to be removed or
+    extended, counts as observed again (section 4.1.2). If off, it counts only if the view holds the
+    same wall, within `landmark_gap` and `landmark_angle`. Off in `albot1`, where it changes no
+    network of places (`albot1-readings`): there surfaces observed again are counted in matching."""
     submap_matching: bool = True
-    """Localise by the local submap: all that is remembered nearby, under the likeliest turn.
+    """Localise by the local submap: all remembered walls nearby, under the likeliest turn.
 
     Off in the thesis and in `albot1-tracked`: there landmarks are followed from view to view.
     """
     joint_landmarks: bool = True
-    """All landmarks followed localise the robot together, under the likeliest turn (`tracking`).
-    Off in the thesis: there the odometer's turn is believed, and one landmark localises the robot.
-    Of no account where `submap_matching` is on."""
+    """Whether all landmarks followed localise the robot together, under the likeliest turn
+    (`tracking`). Off in the thesis: there the odometer's turn is trusted, and one landmark
+    localises the robot. Without effect where `submap_matching` is on."""
     longest_landmark: bool = False
-    """The one landmark is the longest, as the text at figure 3.11 says; otherwise that of the
-    highest goodness, eq. (3.5). Matters only where one landmark localises the robot."""
+    """Whether the single landmark that localises the robot is the longest, as the text at figure
+    3.11 says; otherwise it is that of the highest goodness, eq. (3.5). Without effect where several
+    landmarks localise the robot."""
     turn_search: float = np.radians(50.0)
-    """Largest error of the odometer's turn that is searched (rad), up to half a turn; with
-    `submap_matching` as long as a match is sure."""
+    """Largest error of the odometer's turn that is searched (rad), at most half a turn; with
+    `submap_matching` it holds as long as matches are sure."""
     turn_cost: float = np.radians(6.0)
-    """Least scale of the odometer's errors of turn (rad). A turn that differs from the odometer's
-    costs by the difference in scales, as Student's t has it: an odometer that slips may be off by
-    any turn (`range_profile`)."""
+    """Minimum scale of the odometer's turn errors (rad). A turn that differs from the odometer's
+    costs by the difference in scales, as in Student's t distribution: an odometer that slips may be
+    off by any turn (`range_profile`)."""
     turn_scale: float = 2.5
-    """With `submap_matching` the scale is so many times the errors of turn that the matches of late
-    have shown, root mean square (`odometer_error`): a bad odometer is believed less."""
+    """With `submap_matching` the scale is this many times the root mean square of the turn errors
+    in recent matches (`odometer_error`): a bad odometer is trusted less."""
     unsure: float = 0.5
-    """With `submap_matching` a match is unsure where a smaller share of what is in view lies on
-    what is expected there. Then other turns and motions are tried as well, and nothing is learnt of
-    the odometer's errors."""
+    """With `submap_matching` a match is unsure if a smaller share of the walls in view lies on
+    expected walls. Then other turns and motions are tried as well, and nothing is learnt about the
+    odometer's errors."""
     match_range: float = 25.0
-    """Only surfaces nearer than this are recognised and localise the robot (m)."""
+    """Maximum distance of surfaces that are recognised and localise the robot (m)."""
     motion_error: float = 0.05
     """Standard deviation of the odometer's translation between views (m); with `submap_matching`
-    the least one (`odometer_error`)."""
+    the lower bound of it (`odometer_error`)."""
     turn_error: float = np.radians(5.0)
     """Standard deviation of the turn that the search has found (rad)."""
     min_exit_width: float = 0.65
-    """Narrower gaps are no exits (m)…"""
+    """Minimum width of an exit (m)."""
     max_exit_width: float = 1.35
-    """…nor are wider ones (m): a doorway's typical size is about 1 m (section 4.1.1)."""
+    """Maximum width of an exit (m): a doorway is typically about 1 m wide (section 4.1.1)."""
 
     def __post_init__(self) -> None:
         lengths = "landmark_length", "landmark_gap", "match_range", "motion_error"
@@ -244,7 +248,7 @@ class Albot1Config:
 
     @classmethod
     def thesis(cls) -> Albot1Config:
-        """The thesis's thresholds, to the letter."""
+        """Return the thesis's thresholds, to the letter."""
         return cls(
             view=ViewConfig(),
             places=PlacesConfig.thesis(),
@@ -260,7 +264,7 @@ class Albot1Config:
 
     @classmethod
     def tracked(cls) -> Albot1Config:
-        """Those of `albot1-tracked`: landmarks followed from view to view localise it jointly."""
+        """Return the thresholds of `albot1-tracked`, which localises by all tracked landmarks."""
         return cls(
             view=ViewConfig(fit_lines=True, grazing_ends=True),
             places=PlacesConfig(min_probability=0.0, expects_drift=False),
@@ -275,20 +279,20 @@ class Albot1Config:
 
     @property
     def limits(self) -> Albot1Limits:
-        """The thresholds as the compiled steps take them."""
+        """The thresholds that the compiled steps take."""
         return Albot1Limits(*(getattr(self, name) for name in Albot1Limits._fields))
 
     @property
     def landmark_cosine(self) -> float:
-        """The cosine of `landmark_angle`; below that of any angle where all are allowed."""
+        """The cosine of `landmark_angle`; -2, below every cosine, where all angles are allowed."""
         return math.cos(self.landmark_angle) if self.landmark_angle < math.pi else -2.0
 
     @property
     def compare_spacing(self) -> float:
-        """How far the robot goes from one comparison of places to the next (m)."""
+        """The distance that the robot moves between two comparisons of places (m)."""
         return self.places.compare_spacing
 
     @property
     def compare_turn(self) -> float:
-        """How far it turns (rad)."""
+        """The angle that the robot turns between two comparisons of places (rad)."""
         return self.places.compare_turn

@@ -1,4 +1,4 @@
-"""Handling what happened to a robot at a reading: it concerns its places (chapter 4)."""
+"""Handling of a robot's rare events at a reading, which concern its places (chapter 4)."""
 
 from __future__ import annotations
 
@@ -44,40 +44,40 @@ from albot_core.mappers.albot1.step import BREADCRUMB, CROSSED, KIDNAPPED, REVIS
 from albot_core.matching.line_merging import merge_lines
 
 FORGET_VISITS_EVERY = 128
-"""At each so many visits those are forgotten that no longer matter."""
+"""Interval, in visits, at which visits that no longer matter are forgotten."""
 
 
 class RobotMemory(NamedTuple):
-    """All that one robot of many remembers. The arrays are its own, not copies."""
+    """All that one robot of many remembers. The arrays are the robot's own, not copies."""
 
     pm: PerceptualMap
-    """Its map, with room for another view and another visit."""
+    """The robot's map, with room for another view and another visit."""
     view: LocatedView
-    """Its last view."""
+    """The robot's last view."""
     exits: ExitMemory
-    """The exits that it has seen."""
+    """The exits that the robot has seen."""
     network: PlaceNetwork
-    """Its network of places."""
+    """The robot's network of places."""
     progress: np.ndarray
-    """(5,) int64: how far it has come (see `mapping`)."""
+    """(5,) int64: the robot's counters (see `mapping`)."""
     pose: np.ndarray
-    """(3,) float64: where it believes to be (m, rad; the map's frame)."""
+    """(3,) float64: the robot's estimated pose (m, rad; the map's frame)."""
     next_id: int
     """The id that the next surface would have had before the last view."""
 
     @property
     def step(self) -> int:
-        """How many views it has taken in."""
+        """The number of views processed."""
         return int(self.progress[STEP])
 
     @property
     def walls(self) -> Segments:
-        """What it sees, in its own frame (m; not a copy)."""
+        """The surfaces in the last view, in the robot's frame (m; not a copy)."""
         return self.view.surfaces[: self.view.size[0]]
 
 
 def handle_events(robot: RobotMemory, events: int, limits: Albot1Limits) -> None:
-    """Handle what happened at its last reading, a sum of events (see `step`)."""
+    """Handle the events of a robot's last reading, a sum of event bits (see `step`)."""
     if events & KIDNAPPED:
         _start_anew(robot, limits)
     elif events & CROSSED:
@@ -92,7 +92,7 @@ def handle_events(robot: RobotMemory, events: int, limits: Albot1Limits) -> None
 
 
 def _cross_exit(robot: RobotMemory, limits: Albot1Limits) -> None:
-    """Algorithms 5 and 7: remember the place left, and enter the next."""
+    """Remember the place that the robot leaves, and enter the next one (algorithms 5 and 7)."""
     pm, view, crossing = robot.pm, robot.view, robot.exits.crossing
     line = crossing[:4] if crossing[4] > 0 else reversed_line(crossing[:4])
     _forget_visits(robot)
@@ -106,21 +106,21 @@ def _cross_exit(robot: RobotMemory, limits: Albot1Limits) -> None:
 
 
 def _forget_visits(robot: RobotMemory) -> None:
-    """Now and then forget the visits of which nothing more can come."""
+    """Forget, at regular intervals, the visits in which no remembered surface was last seen."""
     if len(robot.network.visits) % FORGET_VISITS_EVERY == 0:
         kept = marked_visits(robot.pm)
         renumber_visits(robot.pm, robot.network.keep_visits(kept))
 
 
 def _note_update(robot: RobotMemory) -> None:
-    """Note that the last view was laid over the map."""
+    """Count the update by which the last view was laid over the map."""
     robot.progress[UPDATED_AT] = robot.progress[STEP] - 1
     robot.progress[UPDATES] += 1
     robot.progress[INCONSISTENT] = 0
 
 
 def _compare(robot: RobotMemory) -> None:
-    """Algorithms 6 and 8: many surfaces of an earlier visit are seen again; compare the places."""
+    """Compare the present place with the candidates for a loop closure (algorithms 6 and 8)."""
     pm, network = robot.pm, robot.network
     reobserved = pm.reobserved[: len(network.visits)]
     step, pose = robot.step, robot.view.pose
@@ -133,13 +133,16 @@ def _compare(robot: RobotMemory) -> None:
 
 
 def _seen_from(robot: RobotMemory, visit: int) -> Segments:
-    """The surfaces that it has seen from a visit on, with those in view (map frame)."""
+    """Return the surfaces seen since a visit began, with those in view (map frame)."""
     view = transform_segments(robot.view.pose, robot.walls)
     return merge_lines(seen_since(robot.pm, visit), view, robot.network.config.match)
 
 
 def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
-    """It was carried away: it starts anew where it is. What it saw before the last view counts."""
+    """Start a new place for a robot that was carried away.
+
+    Only what it saw before the last view describes the place that it left.
+    """
     pm, view, network = robot.pm, robot.view, robot.network
     robot.exits.counts[:] = 0
     used = pm.counts[USED]
@@ -154,7 +157,7 @@ def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
 
 
 def _relocalise(robot: RobotMemory) -> None:
-    """Compare all that a robot has seen since it was carried away with all that it knows."""
+    """Compare all that a robot has seen since it was carried away with all known places."""
     pm, view, network = robot.pm, robot.view, robot.network
     first = network.lost_since
     in_view = transform_segments(view.pose, robot.walls)

@@ -19,7 +19,7 @@ from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading
 
 _ITSELF = np.zeros(1, np.int64)
-"""The rows of a batch of one."""
+"""The row of a batch of one."""
 
 
 class Albot1:
@@ -27,9 +27,9 @@ class Albot1:
 
     It knows a route home (`RouteHome`) and remembers places (`PlaceMemory`).
 
-    The robot remembers a view as the local environment that it is about to explore, follows
-    the landmarks in it, and just before the last of them go out of sight locates itself by
-    them and lays the view that it then has over its map. What the view covers is forgotten.
+    The robot remembers a view as the local environment that it is about to explore, and follows the
+    landmarks in that view. Just before the last of them go out of sight, the robot localises itself
+    by them and lays its current view over its map. What the view covers is forgotten.
 
     Args:
         config: All thresholds; by default those of `albot1`.
@@ -42,12 +42,12 @@ class Albot1:
 
     @classmethod
     def thesis(cls) -> Albot1:
-        """`albot1-thesis`: the thesis to the letter."""
+        """Return the mapper `albot1-thesis`, which follows the thesis to the letter."""
         return cls(Albot1Config.thesis(), "albot1-thesis")
 
     @classmethod
     def tracked(cls) -> Albot1:
-        """`albot1-tracked`: landmarks tracked from view to view localise it together."""
+        """Return the mapper `albot1-tracked`, localised jointly by landmarks tracked over views."""
         return cls(Albot1Config.tracked(), "albot1-tracked")
 
     @property
@@ -56,11 +56,11 @@ class Albot1:
         return self._robot.config
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._robot.reset(0, rng)
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading (algorithm 4); true where a view was laid over the map.
+        """Process a reading (algorithm 4); return whether a view was laid over the map.
 
         Raises:
             InputError: The reading lacks a laser scan.
@@ -72,16 +72,16 @@ class Albot1:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The specification registered under the mapper's name."""
         return self._robot.spec
 
     @property
     def estimate(self) -> Estimate:
-        """What it believes after the latest reading.
+        """The robot's beliefs after the latest reading.
 
-        Home is where it was left in the perceptual map; once a known place is recognised,
-        where it lies from there. A reading matches the one that was taken nearest by on an earlier
-        stay in the present place.
+        Home is where the robot left it in the perceptual map; once a known place is recognised, it
+        is where it lies from that place. The matched reading is the one taken nearest by on an
+        earlier stay in the present place.
         """
         robot = self._robot
         robot.match_readings(_ITSELF)
@@ -98,7 +98,7 @@ class Albot1:
         )
 
     def snapshot(self) -> MapSnapshot:
-        """The surfaces of the perceptual map, and the network of places."""
+        """Return the surfaces of the perceptual map, and the network of places."""
         return self._robot.snapshot(0)
 
     @property
@@ -118,14 +118,14 @@ class Albot1:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What happened to the network and why: each acceptance and refusal, in order."""
+        """The events of the network, with their reasons: each acceptance and refusal, in order."""
         return tuple(self._robot.network(0).log.events)
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Where a lost robot may be, and how probable each is, as of its last comparison of places.
+        """The possible positions of a lost robot with their probabilities, at the last comparison.
 
-        Empty where it is not lost.
+        Empty unless the robot is lost.
         """
         return self._robot.network(0).hypotheses
 
@@ -133,54 +133,54 @@ class Albot1:
     def way_home(self) -> WayHome:
         """The next exit, a waypoint ahead, and the length of the way, all towards home.
 
-        Found anew after so much way as `Albot1Batch.find_ways` says.
+        Updated as `Albot1Batch.find_ways` says.
         """
         self._robot.find_ways(_ITSELF)
         return np.array(self._robot.ways_home[0])
 
     def place_at(self, reading: int) -> int:
-        """Id of the place where a reading was taken, as it believes now."""
+        """Return the id of the place where a reading was taken, by present belief."""
         return self._robot.network(0).place_at(reading)
 
     def way_to(self, place: int) -> Segments:
-        """The exits on the believed way to a place, the next first, in the map's frame (m).
+        """Return the exits on the believed way to a place, the next first, in the map's frame (m).
 
         Raises:
-            InputError: It knows no place of this id.
+            InputError: No place has this id.
         """
         return way_lines(self._robot.network(0), self._robot.poses[0], place)
 
     def point_to(self, place: int) -> Float64[np.ndarray, "2"]:
-        """Where a place is: direction from the robot's heading (rad) and distance (m).
+        """Return the direction to a place from the robot's heading (rad), and its distance (m).
 
-        For the place that the robot set out from this points to home, for another to where
-        it was first entered.
+        For the place that the robot set out from, the target is home; for any other place, it is
+        the point where the robot first entered it.
 
         Raises:
-            InputError: It knows no place of this id.
+            InputError: No place has this id.
         """
         return pointing(self._robot.network(0), self._robot.poses[0], place)
 
     @property
     def updates(self) -> int:
-        """How often a view was laid over the map."""
+        """The number of times a view was laid over the map."""
         return int(self._robot.updates[0])
 
     @property
     def lost(self) -> int:
-        """At how many views no landmark was recognised.
+        """The number of views at which no landmark was recognised.
 
-        There path integration stands in (section 3.2.1); where what is remembered nearby
-        localises the robot, as in `albot1`, the other surfaces still correct it.
+        There path integration stands in (section 3.2.1); in `albot1`, which localises by all
+        remembered walls nearby, the other surfaces still correct it.
         """
         return int(self._robot.lost[0])
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return everything the mapper remembers, as arrays by name."""
         return self._robot.state(0)
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the memory from what `state` returned.
 
         Raises:
             InputError: The arrays contradict each other.

@@ -1,6 +1,6 @@
-"""All that a robot remembers as arrays by name, to be saved and restored.
+"""A robot's memory as arrays by name, to be saved and restored.
 
-The names are those of the saved files; the fields of the program may be called otherwise.
+The names are those of the saved files; the fields of the program may have other names.
 """
 
 from __future__ import annotations
@@ -129,16 +129,16 @@ STORED_ROWS = {
     "since": "since",
     "trod": "crumb_poses",
 }
-"""The fields of `BatchArrays` from which, with a robot's arrays, all others follow, by their names
-in the state."""
+"""The fields of `BatchArrays` that are stored, by their names in the state. All others follow from
+them and the robot's arrays."""
 _STORED_FIELDS = {"met_in": "reobserved_in", "met": "reobserved"}
-"""The fields of `PerceptualMap` that have other names in the state."""
+"""The fields of `PerceptualMap` that have other names in the state, by these names."""
 
 
 def stored_arrays(
     pm: PerceptualMap, view: LocatedView, exits: ExitMemory, network: PlaceNetwork
 ) -> Arrays:
-    """Return its arrays, as far as they are in use, by their names in the state."""
+    """Return the used part of a robot's arrays, by their names in the state."""
     viewed = {
         f"view.{name}": getattr(view, name)[: view.size[0]]
         for name in ("surfaces", "edges", "landmark", "slots")
@@ -150,7 +150,7 @@ def stored_arrays(
 def rebuilt_arrays(
     state: Arrays, config: PlacesConfig
 ) -> tuple[PerceptualMap, LocatedView, ExitMemory, PlaceNetwork]:
-    """Return what `stored_arrays` was given, of a state that has been checked."""
+    """Return the arguments of `stored_arrays`, from a state that has been checked."""
     size = len(state["view.slots"])
     view = empty_view(max(VIEW_ROOM_AT_FIRST, size))
     view.size[0], view.pose[:] = size, state["view.pose"]
@@ -160,7 +160,7 @@ def rebuilt_arrays(
 
 
 def stored_map(pm: PerceptualMap) -> Arrays:
-    """Return the stored fields, as far as they are in use."""
+    """Return the used part of the map's stored fields, by their names in the state."""
     lengths = {"met": pm.counts[VISIT] + 1, "free": pm.counts[FREE], "counts": len(pm.counts)}
     stored = {}
     for field in MAP.fields:
@@ -171,7 +171,7 @@ def stored_map(pm: PerceptualMap) -> Arrays:
 
 
 def rebuilt_map(state: Arrays, capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
-    """Return the map with the given fields, with room for so many surfaces at least."""
+    """Return the map with the given fields and a capacity of at least `capacity` surfaces."""
     pm = empty_map(max(capacity, len(state["memory.ids"]), len(state["memory.met"]) + 1))
     for field in MAP.fields:
         name = field.name.removeprefix("memory.")
@@ -182,16 +182,16 @@ def rebuilt_map(state: Arrays, capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualM
 
 
 def enlarged_map(pm: PerceptualMap) -> PerceptualMap:
-    """Return the same map with twice the room.
+    """Return the same map with twice the capacity.
 
-    Slots are used in the same order and the search sorts its answer: a map that has grown
+    Slots are used in the same order and the search sorts its result, so a map that has grown
     behaves exactly as one that was large from the start.
     """
     return rebuilt_map(stored_map(pm), 2 * len(pm.ids))
 
 
 def stored_exits(exits: ExitMemory) -> Arrays:
-    """Return the fields, as far as they are in use."""
+    """Return the used part of the exits' stored fields, by their names in the state."""
     lines, counts = exits.lines[: exits.counts[0]], exits.counts[:2]
     return {"exits.lines": lines, "exits.gate": exits.crossing, "exits.counts": counts}
 

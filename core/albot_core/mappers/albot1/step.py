@@ -1,7 +1,7 @@
-"""The step: many robots take in their readings, each as a view or as mere motion. Compiled.
+"""The step of many robots: each reading is processed as a view or as motion only. Compiled.
 
-What a step does within the compiled loop is all of algorithms 1 to 4, the exits in view, and the
-breadcrumbs. What happens seldom is noted as events, for `handle_events`.
+The compiled loop comprises algorithms 1 to 4, the exits in view, and the breadcrumbs. Rare events
+are only noted here; `handle_events` handles them.
 """
 
 from __future__ import annotations
@@ -51,46 +51,46 @@ from albot_core.matching.lines import wrap
 from albot_core.sensing.view import ViewBuffers, ViewSettings, make_view_buffers
 
 CROSSED, REVISITING, KIDNAPPED, BREADCRUMB = 1, 2, 4, 8
-"""In `BatchArrays.events`: the robot got through an exit; an earlier visit is a loop-closure
-candidate, and it is time to compare places; it was carried away; it is time for a breadcrumb, but
-the other events must be handled before."""
+"""Bits of `BatchArrays.events`: the robot has crossed an exit; an earlier visit is a loop-closure
+candidate and places must be compared; the robot was carried away; a breadcrumb is due, but the
+other events must be handled first."""
 
 
 class BatchArrays(NamedTuple):
-    """The arrays of all robots; a row each."""
+    """The arrays of all robots; one row for each robot."""
 
     table: np.ndarray
-    """(n, COLUMNS) int64: where the robot's arrays are (see `addresses`)."""
+    """(n, COLUMNS) int64: the addresses of the robot's arrays (see `addresses`)."""
     progress: np.ndarray
-    """(n, 5) int64: how far it has come (see `mapping`)."""
+    """(n, 5) int64: the robot's counters (see `mapping`)."""
     odometers: np.ndarray
-    """(n, 5) float64: what it has learnt of its odometer (see `odometer_error`)."""
+    """(n, 5) float64: the learnt errors of the robot's odometer (see `odometer_error`)."""
     sectors: np.ndarray
-    """(n, SECTORS) float64: the nearest ranges of its last view (m; see `viewing`)."""
+    """(n, SECTORS) float64: the nearest ranges of the robot's last view (m; see `viewing`)."""
     since: np.ndarray
-    """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
+    """(n, 3) float64: the robot's motion since its last view (m, rad; the view's frame)."""
     poses: np.ndarray
-    """(n, 3) float64: where it believes to be (m, rad; the map's frame)."""
+    """(n, 3) float64: the robot's estimated pose (m, rad; the map's frame)."""
     surfaces: np.ndarray
-    """(n,) int64: how many surfaces it remembers."""
+    """(n,) int64: number of surfaces in the robot's map."""
     events: np.ndarray
-    """(n,) int64: what happened at the last reading, a sum of CROSSED, REVISITING, KIDNAPPED and
+    """(n,) int64: the events of the last reading, a sum of CROSSED, REVISITING, KIDNAPPED and
     BREADCRUMB."""
     readings: np.ndarray
-    """(n,) int64: how many readings it has taken in; within a step, before the present one."""
+    """(n,) int64: number of readings processed, within a step without the present one."""
     crumb_poses: np.ndarray
-    """(n, 3) float64: where it dropped its last breadcrumb (m, rad; the map's frame)."""
+    """(n, 3) float64: the pose of the robot's last breadcrumb (m, rad; the map's frame)."""
     next_ids: np.ndarray
     """(n,) int64: the id that the next surface would have had before the last view."""
     current: np.ndarray
-    """(n,) int64: the id of the place that it believes to be in."""
+    """(n,) int64: the id of the place in which the robot believes to be."""
     map_to_graph: np.ndarray
-    """(n, 3) float64: where the graph frame of its places lies (m, rad; the map's frame)."""
+    """(n, 3) float64: the pose of the places' graph frame (m, rad; the map's frame)."""
     is_lost: np.ndarray
-    """(n,) bool: whether it was carried away and has not found out where to."""
+    """(n,) bool: whether the robot was carried away and has not been relocalised."""
     compared_from: np.ndarray
-    """(n, 3) float64: where it last compared places in its present visit (m, rad; the map's
-    frame); NaN where it has not yet."""
+    """(n, 3) float64: the robot's pose when it last compared places in its present visit (m, rad;
+    the map's frame); NaN before the first comparison."""
 
 
 @KernelDispatcher
@@ -102,11 +102,11 @@ def step_robots(
     ranges: np.ndarray,
     motions: np.ndarray,
 ) -> int:
-    """Let the robots in rows[first:] take in their readings; return how many rows are done.
+    """Process the readings of the robots in rows[first:]; return the number of rows done.
 
-    That is all of them, but where the next has too little room for what it sees: then it has
-    taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
-    `arguments` holds `BatchArrays`, `ViewSettings` and `Albot1Limits`.
+    The loop stops before a robot whose arrays have too little room for its reading; nothing of that
+    reading has been processed then. `ranges` (n, beams) and `motions` (n, 3) are the readings of
+    all robots; `arguments` holds `BatchArrays`, `ViewSettings` and `Albot1Limits`.
     """
     robots, _, _ = unpack(arguments)
     beams, views, capacity = ranges.shape[1], ranges.shape[1], ZERO
@@ -122,7 +122,7 @@ def step_robots(
 
 @kernel(arrays=True)
 def _empty_current(room: int) -> LocatedView:
-    """A view to work on, which every robot of a call uses in turn."""
+    """Return an empty view as a scratch buffer, which all robots of a call use in turn."""
     return LocatedView(
         np.empty((room, 4)),
         np.empty((room, 2), np.int8),
@@ -144,7 +144,7 @@ def _step_all(
     view_buffers: ViewBuffers,
     buffers: MatchBuffers,
 ) -> int:
-    """`step_robots`, with buffers to work in."""
+    """Process readings as `step_robots` does, with scratch buffers."""
     robots, settings, limits = unpack(arguments)
     for k in range(first, rows.shape[0]):
         row = rows[k]
@@ -171,7 +171,7 @@ def _step(
     view_buffers: ViewBuffers,
     buffers: MatchBuffers,
 ) -> bool:
-    """Let a robot take in its reading; false, with nothing done, where its room is too small."""
+    """Process a robot's reading. Returns false, and changes nothing, if its arrays lack room."""
     if not has_room(graph_at(robots.table[row])):
         return False
     is_first, since = robots.progress[row, STEP] == 0, _since()
@@ -215,7 +215,7 @@ def _step_view(
     view_buffers: ViewBuffers,
     buffers: MatchBuffers,
 ) -> bool:
-    """Let a robot take in its reading as a view; false as `_step`."""
+    """Process a robot's reading as a view. Returns false if its arrays lack room, as `_step`."""
     take_view(ranges, settings, limits, current, view_buffers)
     pm, progress = map_at(robots.table[row]), robots.progress[row]
     if not _has_room(pm, previous, current) or current.size[0] > robots.table[row, VIEW_ROOM]:
@@ -243,10 +243,10 @@ def _step_view(
 
 @kernel()
 def _has_room(pm: PerceptualMap, previous: LocatedView, current: LocatedView) -> bool:
-    """Whether the map has room for all that may come of a view.
+    """Return whether the map has room for all surfaces that a view may add.
 
-    A view is laid over the map when it is new and when the next is, but once; and again
-    where a visit begins with it.
+    The previous view may be laid over the map once, and the current view twice: the second time
+    where a new visit begins with it.
     """
     surfaces = previous.size[0] + 2 * current.size[0]
     visits = pm.counts[VISIT] + 2
@@ -255,14 +255,14 @@ def _has_room(pm: PerceptualMap, previous: LocatedView, current: LocatedView) ->
 
 @kernel()
 def _is_crumb_due(pose: np.ndarray, crumb_pose: np.ndarray) -> bool:
-    """Whether the robot moved or turned far enough since its last breadcrumb."""
+    """Return whether the robot moved or turned far enough since its last breadcrumb."""
     square = (pose[0] - crumb_pose[0]) ** 2 + (pose[1] - crumb_pose[1]) ** 2
     return not (square < CRUMB_SPACING**2 and abs(wrap(pose[2] - crumb_pose[2])) < CRUMB_TURN)
 
 
 @kernel()
 def _drop_crumb(robots: BatchArrays, row: int, view: LocatedView) -> None:
-    """Let a robot to which nothing else has happened drop a breadcrumb."""
+    """Drop a breadcrumb at a reading without other events."""
     here = _here()
     relative_pose(robots.map_to_graph[row], robots.poses[row], here)
     crumbs, graph = crumbs_at(robots.table[row]), graph_at(robots.table[row])

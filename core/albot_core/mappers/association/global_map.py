@@ -1,4 +1,4 @@
-"""The global map: landmarks lengthen its surfaces, and carry new surfaces over into it."""
+"""The global map: landmarks lengthen its surfaces, and new surfaces are carried over into it."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def normalise(
     landmarks: np.ndarray,
     surfaces: np.ndarray,
 ) -> None:
-    """Lengthen each landmark in both views, and the surface of its ID in the map, to one length.
+    """Extend each landmark in both views, and the surface of its ID in the map, to the same length.
 
-    The ends that lie farther out are taken over; directions stay as they are. `matched` (now,) is
-    the number of each landmark in the previous view, `landmarks` (now,) its ID, and `surfaces` the
-    map, whose rows are IDs. The surfaces of the previous view are as long as those of the map.
+    The farther ends are taken over; directions do not change. `matched` (now,) is the index of each
+    landmark in the previous view, `landmarks` (now,) its ID, and `surfaces` the map, whose rows are
+    IDs. Surfaces of the previous view have the same lengths as those of the map.
     """
     for k in range(current.shape[0]):
         if landmarks[k] != UNKNOWN:
@@ -77,16 +77,16 @@ def carry_over(
     ids: np.ndarray,
     pose: np.ndarray,
 ) -> int:
-    """Bring the unknown surfaces of the current view into the map; return how many it then has.
+    """Carry the unknown surfaces of the current view over into the map; return the map's new size.
 
-    Each keeps its position relative to the landmarks, and the nearer a landmark, the more it
-    counts. The paper takes the nearest alone, of which a line tells nothing along its direction.
-    One that is close to a surface of the map is that surface; one that intersects any is left out.
+    Each surface keeps its position relative to the landmarks; near landmarks have a larger weight.
+    The paper uses the nearest landmark alone, but a line fixes no position along its direction. A
+    surface close to one of the map is that surface; a surface that intersects one is left out.
 
     Args:
         seen: The surfaces as they are seen.
         landmarks: (now,) ID of each landmark; `UNKNOWN` for other surfaces.
-        expected: (3,) pose of the robot in the map, by the last one and the motion since.
+        expected: (3,) pose of the robot in the map, by the last pose and the motion since.
         limits: The thresholds.
         known: The surfaces of the map, with room for all.
         count: Number of surfaces in the map.
@@ -112,7 +112,7 @@ def _carry_over(
     slack: np.ndarray,
     pose: np.ndarray,
 ) -> int:
-    """`carry_over`, with a buffer `slack` (now,) to work in."""
+    """Run `carry_over` with a scratch buffer `slack` (now,)."""
     fits, sigma = (seen, known, landmarks, expected), limits.map_shift
     turn_slack, before = limits.map_turn * limits.map_turn, count
     for k in range(landmarks.shape[0]):
@@ -151,11 +151,11 @@ def merge(
     surfaces: np.ndarray,
     same: int,
 ) -> None:
-    """Normalise a surface that was carried over, and the one of the map that it is."""
+    """Extend a carried-over surface and the surface of the map that it is to the same length."""
     before, after = overhang(surfaces[same], carried)
     lengthen(surfaces[same], before, after)
     for other in range(current.shape[0]):
-        if ids[other] == same:  # What has an ID is as long as its surface in the map.
+        if ids[other] == same:  # A surface with an ID is as long as its surface in the map.
             lengthen(current[other], before, after)
     before, after = missing(carried, surfaces[same])
     lengthen(current[k], before, after)
@@ -163,9 +163,9 @@ def merge(
 
 @kernel()
 def intersects_any(surface: np.ndarray, others: np.ndarray, count: int, corner: float) -> bool:
-    """Whether a surface intersects one of the first `count` others.
+    """Return whether a surface intersects one of the first `count` others.
 
-    Both go on beyond the crossing by more than `corner` (m); else they meet at a corner.
+    Both must reach beyond the crossing by more than `corner` (m); otherwise they meet at a corner.
     """
     for k in range(count):
         other = others[k]
@@ -180,7 +180,7 @@ def intersects_any(surface: np.ndarray, others: np.ndarray, count: int, corner: 
 
 @kernel()
 def end_beyond(surface: np.ndarray, other: np.ndarray) -> float:
-    """How far the shorter part of a surface reaches beyond the line of one that it crosses (m)."""
+    """Return how far the shorter part of a surface reaches beyond a line that it crosses (m)."""
     x1, y1, x2, y2 = other[0], other[1], other[2], other[3]
     first = abs(left_of(x1, y1, x2, y2, surface[0], surface[1]))
     last = abs(left_of(x1, y1, x2, y2, surface[2], surface[3]))

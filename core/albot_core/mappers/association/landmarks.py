@@ -1,6 +1,6 @@
-"""The frame of reference: which surfaces two successive views share, and how the robot moved.
+"""The frame of reference: the surfaces that two successive views share, and the robot's motion.
 
-`fit_pose` finds the pose by landmarks, there and in the global map.
+`fit_pose` computes a pose from landmarks, both here and in the global map.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ _LINE_SHIFT, _LEAST_SHIFT = 0.02, 0.03
 """Standard deviation of a line's position across its direction, seen for 1 m (m), which falls with
 the root of the length; and that of the longest line. Ours."""
 _OUTLIER = 2.5
-"""Two surfaces that differ by more standard deviations are no landmark. Ours."""
+"""Two surfaces that differ by more standard deviations than this are no landmark. Ours."""
 _WIDTH, _MOST_TURNS = 4.0, 12
-"""Other turns are tried up to so many standard deviations from the expected one, and so many at
-most to either side. They are half of the largest angle between two surfaces apart. Ours."""
+"""Other turns are tried up to this many standard deviations from the expected one, and at most this
+many on either side. Their spacing is half the largest angle between two surfaces. Ours."""
 _ROUNDS = 4
-"""Number of times that landmarks are found with a better motion, and that a fit weighs them.
+"""Number of times that landmarks are found with a corrected motion, and that a fit reweighs them.
 Ours."""
 _SETTLED = 1e-3
-"""A motion that changes by less (m, rad) is final. Ours."""
+"""A motion that changes by less than this (m, rad) is final. Ours."""
 
 
 class ExpectedMotion(NamedTuple):
-    """A motion by the odometer, and how far it may be off."""
+    """A motion by the odometer, and its standard deviations."""
 
     motion: np.ndarray
     """(3,) float64: the motion (m, rad)."""
@@ -68,21 +68,21 @@ def identify_landmarks(
     motion: np.ndarray,
     matched: np.ndarray,
 ) -> float:
-    """Find which surface of the previous view each of the current one is, and the robot's motion.
+    """Find each current surface in the previous view, and the robot's motion between the two.
 
-    The paper brings the previous view into the coordinates of the current one by the odometer
-    alone. Here the landmarks that are found so correct the motion, and are found anew. Where the
-    odometer is too wrong, there are no landmarks, or false ones. So other turns are tried too, and
-    the motion is that under which most surfaces agree. This is ours.
+    The paper transforms the previous view into the frame of the current one by the odometer alone.
+    Here the landmarks found in this way correct the motion, and are found again. If the odometer is
+    too wrong, there are no landmarks, or false ones. So other turns are tried too, and the motion
+    under which most surfaces agree is taken. This is ours.
 
     Args:
         view: The surfaces of the previous view, in its own coordinates.
-        current: Those of the current view.
+        current: The surfaces of the current view.
         expected: The motion by the odometer.
         angle: Largest angle between the two surfaces of a landmark (rad).
-        closeness: Largest distance between them (m).
+        closeness: Largest distance between the two surfaces of a landmark (m).
         motion: (3,) receives the motion.
-        matched: (now,) receives the number in `view` of each current surface, or -1.
+        matched: (now,) receives the index in `view` of each current surface, or -1.
 
     Returns:
         Standard deviation of the motion's turn (rad).
@@ -105,7 +105,7 @@ def _try_turns(
     motion: np.ndarray,
     matched: np.ndarray,
 ) -> float:
-    """`identify_landmarks`, with buffers to work in."""
+    """Run `identify_landmarks` with scratch buffers."""
     best = sigma = 0.0
     turns = math.ceil(min(_WIDTH * expected.turn_sigma / (0.5 * angle), float(_MOST_TURNS)))
     for number in range(2 * turns + 1):
@@ -177,7 +177,7 @@ def align_views(
 
 @kernel()
 def bring_into(view: np.ndarray, motion: np.ndarray, previous: np.ndarray) -> None:
-    """Set `previous` (before, 4) to the previous view in the coordinates after the motion (3,)."""
+    """Set `previous` (before, 4) to the previous view in the frame after the motion (3,)."""
     cos, sin = math.cos(motion[2]), math.sin(motion[2])
     for k in range(view.shape[0]):
         for end in range(0, 4, 2):
@@ -193,16 +193,16 @@ def find_landmarks(
     closeness: float,
     matched: np.ndarray,
 ) -> int:
-    """Fill `matched` (current,) with the surface of the previous view that each one is, or -1.
+    """Set `matched` (current,) to the surface of the previous view that each one is, or -1.
 
-    Of the close ones it is the most similar one; where two surfaces are most similar to the same
-    one, the more similar of them. Returns how many are matched.
+    It is the most similar of the close ones. If two surfaces are most similar to the same one, the
+    more similar of the two gets it. Returns the number of matches.
     """
     found = 0
     for k in range(current.shape[0]):
         other = most_similar(current[k], previous, previous.shape[0], angle, closeness)
         matched[k] = -1
-        # Of the previous view's surfaces each is one landmark, though two may now look like it.
+        # Each surface of the previous view is at most one landmark, though two may look like it.
         if other >= 0 and k == most_similar(
             previous[other], current, current.shape[0], angle, closeness
         ):
@@ -221,22 +221,23 @@ def fit_pose(
     slack: np.ndarray,
     pose: np.ndarray,
 ) -> float:
-    """Find the pose from which landmarks are seen where they are known to be.
+    """Compute the pose from which landmarks are seen at their known positions.
 
-    First the direction, a weighted mean, then the position: a landmark tells it across its own
-    direction. Where landmarks tell little or nothing, as along a corridor, the expected pose does.
-    The more a landmark contradicts the rest, the less it counts (Geman and McClure's weights).
+    First the direction is computed, as a weighted mean, and then the position, which a landmark
+    fixes only across its own direction. Where landmarks fix little or nothing, as along a corridor,
+    the expected pose does. The more a landmark contradicts the rest, the smaller its weight (Geman
+    and McClure's weights).
 
-    The paper says that a position relative to a landmark is kept, and not how it is measured: the
+    The paper says that the position relative to a landmark is kept, but not how it is measured: the
     fit is ours.
 
     Args:
         seen: Surfaces in the coordinates of the robot.
         known: Surfaces in the coordinates of the pose.
-        partner: (now,) number in `known` of each surface that is seen, or negative for none.
+        partner: (now,) index in `known` of each seen surface, or negative for none.
         expected: The expected pose.
-        turn_slack: Variance of the directions besides that of lines (rad²).
-        slack: (now,) variance of the positions besides that of lines (m²).
+        turn_slack: Variance of the directions in addition to that of the lines (rad²).
+        slack: (now,) variance of the positions in addition to that of the lines (m²).
         pose: (3,) receives the pose.
 
     Returns:
@@ -247,7 +248,7 @@ def fit_pose(
         pose[i] = expected.motion[i]
     information = 0.0
     for number in range(_ROUNDS):
-        is_robust = number > 0  # At first all count in full.
+        is_robust = number > 0  # In the first round all landmarks have their full weight.
         information = 1.0 / (turn_sigma * turn_sigma)
         total = wrap_angle(expected.motion[2] - pose[2]) * information
         for k in range(partner.shape[0]):
@@ -281,7 +282,7 @@ def fit_pose(
 
 @kernel()
 def weight_of(off: float, variance: float, is_robust: bool) -> float:
-    """Weight of a landmark in a fit from which it is off by so much."""
+    """Return the weight of a landmark in a fit whose residual is `off`."""
     if not is_robust:
         return 1.0 / variance
     doubt = 1.0 + off * off / (variance * _OUTLIER * _OUTLIER)
@@ -290,9 +291,9 @@ def weight_of(off: float, variance: float, is_robust: bool) -> float:
 
 @kernel()
 def variances(length: float, known_length: float) -> tuple[float, float]:
-    """Variances of the angle between the two lines of a landmark (rad²) and of their distance (m²).
+    """Return the variances of the angle (rad²) and distance (m²) of a landmark's two lines.
 
-    The shorter the parts that were seen (m), the larger they are.
+    The shorter the parts that were seen (m), the larger the variances.
     """
     turn = 1.0 / length**3 + 1.0 / known_length**3
     shift = 1.0 / length + 1.0 / known_length
@@ -304,13 +305,16 @@ def variances(length: float, known_length: float) -> tuple[float, float]:
 
 @kernel()
 def turn_off(surface: np.ndarray, known: np.ndarray, direction: float) -> float:
-    """Angle from a surface, seen from a pose of this direction, to a known one (rad)."""
+    """Return the angle from a surface, seen from a pose of this direction, to a known one (rad)."""
     return float(wrap_angle(heading_of(known) - heading_of(surface) - direction))
 
 
 @kernel()
 def across_off(surface: np.ndarray, known: np.ndarray, pose: np.ndarray) -> float:
-    """How far to its left a known surface lies of the middle of one seen from a pose (m)."""
+    """Return how far a known surface lies to the left of the middle of a seen one (m).
+
+    "Left" is relative to the known surface's direction; the seen surface is seen from `pose`.
+    """
     x, y = rotate(
         math.cos(pose[2]),
         math.sin(pose[2]),

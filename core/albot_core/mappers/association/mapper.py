@@ -1,14 +1,14 @@
-"""Mapping by landmark association: surfaces enter the global map by way of those recognised.
+"""Mapping by landmark association: surfaces enter the global map by means of recognised ones.
 
 Yeap and others, Autonomous robot mapping by landmark association (2015). A *landmark* is a surface
 that is seen in two successive views. The *frame of reference* holds these two views, in the
-coordinates of the later one. Landmarks there and in the *global map* have the same IDs; what is
-new is carried over by its position relative to the landmarks near it. What is in the map stays
-there: errors are never corrected. The odometer tells how far the robot has come from one view to
-the next, and nothing else.
+coordinates of the later one. Landmarks there and in the *global map* have the same IDs; new
+surfaces are carried over by their positions relative to the landmarks near them. Surfaces in the
+map are never moved: errors are not corrected. The odometer is used only for the motion from one
+view to the next.
 
 The files: `landmarks.py` is the frame of reference, `global_map.py` the map, `surfaces.py` the
-geometry of both, `odometer.py` what the odometer's turns are worth.
+geometry of both, `odometer.py` a model of the odometer's turns.
 """
 
 from __future__ import annotations
@@ -55,24 +55,24 @@ class AssociationConfig:
 
     view: ViewConfig = field(default_factory=_view)
     """How surfaces are found in a scan. As in the paper, points over 1.2 m apart begin a new
-    cluster and surfaces below 0.5 m are ignored. The paper follows the slope from point to point;
-    our lines are fitted to all points of a surface."""
+    cluster, and surfaces below 0.5 m are ignored. The paper follows the slope from point to point;
+    here a line is fitted to all points of a surface."""
     spacing: float = 1.0
-    """A reading is a view only this far from the last view's place (m)…"""
+    """A reading is a view if the robot has moved at least this far since the last view (m)…"""
     turn: float = np.radians(15.0)
-    """…or turned by so much from it (rad). The paper's robot stops after 3 m or 30° at the most,
-    and went 1.3 m from view to view."""
+    """…or turned at least this far (rad). The paper's robot stops after 3 m or 30° at most, and
+    moved 1.3 m from view to view."""
     angle: float = np.radians(10.0)
-    """Largest angle between two surfaces that are the same (rad), as in the paper. Half of it is
-    the least standard deviation of a turn that the odometer measures from view to view, which is
-    ours."""
+    """Largest angle between two matching surfaces (rad), as in the paper. Half of it is the minimum
+    standard deviation of the odometer's turn from view to view; that is ours."""
     closeness: float = 0.4
-    """Largest distance between two surfaces that are the same (m). The paper says "close": the
-    value is ours. Half of it is the standard deviation of the odometer's x and y from view to view,
-    which is ours."""
+    """Largest distance between two matching surfaces (m). The paper says "close"; the value is
+    ours. Half of it is the standard deviation of the odometer's x and y from view to view; that is
+    ours, too."""
     corner: float = 0.2
-    """Two surfaces that cross meet at a corner, and both stay, if one of them ends within this
-    distance beyond the crossing (m). Ours: the paper leaves out any that intersects another."""
+    """Two crossing surfaces meet at a corner, and both are kept, if one of them ends within this
+    distance beyond the crossing (m). Ours: the paper leaves out any surface that intersects
+    another."""
     map_turn: float = np.radians(2.0)
     """Standard deviation of a surface's direction in the map relative to those near it (rad), and
     of the direction of the robot's expected pose. Ours."""
@@ -80,9 +80,9 @@ class AssociationConfig:
     """Standard deviation of a surface's position in the map relative to those near it (m), and of
     x and y of the robot's expected pose. Ours."""
     map_slope: float = 0.05
-    """Standard deviation of a surface's position relative to one at a distance, besides
-    `map_shift`, as a share of the distance (m/m). The larger it is, the more the nearest landmark
-    counts. Ours."""
+    """Additional standard deviation of a surface's position relative to a distant one, as a share
+    of the distance (m/m). The larger it is, the larger the weight of the nearest landmarks.
+    Ours."""
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "spacing", "turn", "corner", "map_slope")
@@ -95,15 +95,16 @@ class AssociationConfig:
 
 
 _NO_MOTION = 1e-9
-"""The odometer reports no motion if it is less (m, rad). Ours."""
+"""The odometer reports no motion if its motion is below this (m, rad). Ours."""
 _SURE_TURN = np.radians(1.0)
-"""The odometer is judged by turns with a smaller standard deviation (rad). Ours."""
+"""The odometer's model learns from turns with a smaller standard deviation than this (rad).
+Ours."""
 _SOME_LENGTH = (1e-300, LONGEST)
-"""Lengths of line segments that are no points (m)."""
+"""Valid lengths of line segments, which exclude points (m)."""
 
 
 def _check_ids(state: Arrays, sizes: Sizes) -> None:
-    """Raise InputError unless each surface of the map is at most one of the latest view."""
+    """Raise InputError unless each surface of the map is at most one surface of the latest view."""
     known = state["view.ids"][state["view.ids"] != UNKNOWN]
     refuse_unless(len(np.unique(known)) == len(known), "view.ids", "each surface once", known)
 
@@ -113,7 +114,7 @@ class Association(StoredMapper):
 
     Args:
         config: All thresholds.
-        name: The name under which the mapper is known.
+        name: The name under which the mapper is registered.
     """
 
     config: AssociationConfig
@@ -136,7 +137,7 @@ class Association(StoredMapper):
 
     @property
     def estimate(self) -> Estimate:
-        """Where the landmarks say that the robot is. It is lost where it saw none that it knew."""
+        """The robot's pose by the landmarks. The robot is lost if it saw no known surface."""
         return Estimate(
             pose=self._pose.copy(),
             home=np.zeros(3),
@@ -147,7 +148,7 @@ class Association(StoredMapper):
         )
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._pose = np.zeros(3)
         self._view_pose = np.zeros(3)
         self._motion = np.zeros(3)
@@ -162,10 +163,11 @@ class Association(StoredMapper):
         self._count = 0
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where it was a view, which the map then holds.
+        """Process a reading; return whether it was a view, which the map then holds.
 
-        Where two successive views share no landmark, of which the paper says nothing, the later one
-        is carried over by the motion between them, and the robot is lost until it sees a landmark.
+        If two successive views share no landmark, a case that the paper does not mention, the later
+        view is carried over by the motion between them, and the robot is lost until it sees a
+        landmark.
 
         Raises:
             InputError: The reading lacks a laser scan.
@@ -191,10 +193,10 @@ class Association(StoredMapper):
         return True
 
     def _is_view_due(self) -> bool:
-        """Whether the robot has gone or turned far enough to look again.
+        """Return whether the robot has moved or turned far enough for a new view.
 
-        No motion at all may mean that the odometer fails, so then each reading is a view. This is
-        ours.
+        No motion at all may mean that the odometer fails; then each reading is a view. This
+        is ours.
         """
         x, y, heading = self._motion.tolist()
         if np.abs(self._motion).max() < _NO_MOTION:
@@ -204,10 +206,11 @@ class Association(StoredMapper):
     def _identify_landmarks(
         self, seen: Segments, lengths: Float64[np.ndarray, "segments"]
     ) -> tuple[Int64[np.ndarray, "segments"], Float64[np.ndarray, "before 4"]]:
-        """Which surface of the previous view each of the current one is, or -1.
+        """Match the current view with the previous one; move the pose by the motion between them.
 
-        Returns these numbers, and the previous view in the coordinates of the current one: the two
-        views of the frame of reference. The pose moves on by the motion between them.
+        Returns the surface of the previous view that each of the current one is, or -1, and the
+        previous view in the coordinates of the current one: the two views of the frame of
+        reference.
         """
         config, count = self.config, len(seen)
         motion, matched = np.empty(3), np.empty(count, np.int64)
@@ -237,10 +240,10 @@ class Association(StoredMapper):
         landmarks: Int64[np.ndarray, "segments"],
         view: Segments,
     ) -> Int64[np.ndarray, "segments"]:
-        """Update the map by what is unknown; return the IDs of all surfaces of the current view.
+        """Update the map by the unknown surfaces; return the IDs of the current view's surfaces.
 
-        The robot's own place, which the paper shows but does not define, is where the landmarks
-        say, those near it above all.
+        The robot's own position, which the paper shows but does not define, follows from the
+        landmarks, mainly from those near the robot.
         """
         ids = landmarks.copy()
         self._make_room(len(seen))
@@ -265,10 +268,10 @@ class Association(StoredMapper):
         lengths: Float64[np.ndarray, "segments"],
         ids: Int64[np.ndarray, "segments"],
     ) -> None:
-        """Keep the current view for the next, and forget the previous one.
+        """Keep the current view as the previous one of the next step.
 
-        Of two surfaces that are one in the map, that of which more was seen keeps the ID. What is
-        not in the map helps to tell how the robot moves, but is no landmark.
+        Of two surfaces that are one in the map, the one of which more was seen keeps the ID.
+        Surfaces that are not in the map help to find the robot's motion, but are no landmarks.
         """
         order = np.argsort(-lengths, kind="stable")
         _, first = np.unique(ids[order], return_index=True)
@@ -280,7 +283,7 @@ class Association(StoredMapper):
         self._views += 1
 
     def _make_room(self, more: int) -> None:
-        """Have room for so many more surfaces in the map."""
+        """Make room for `more` surfaces in the map."""
         if self._count + more > len(self._store):
             surfaces, lengths = self._store, self._lengths
             room = 2 * (self._count + more)
@@ -289,7 +292,7 @@ class Association(StoredMapper):
             self._lengths[: self._count] = lengths[: self._count]
 
     def snapshot(self) -> MapSnapshot:
-        """The surfaces of the global map, by their IDs."""
+        """Return the surfaces of the global map, by their IDs."""
         surfaces = self._store[: self._count].copy()
         surfaces.flags.writeable = False
         return MapSnapshot(layers=(SegmentsLayer(segments=surfaces),))

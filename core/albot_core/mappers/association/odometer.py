@@ -1,7 +1,7 @@
-"""What the odometer's turns are worth, as the landmarks of successive views tell.
+"""A model of the odometer's turns, learnt from the landmarks of successive views.
 
-The paper relies on small errors between two views. What is learned here says where to look for
-landmarks; it is ours, and changes nothing in the map.
+The paper relies on small errors between two views. The model decides where landmarks are searched;
+it is ours, and changes nothing in the map.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose
 
 _FORGETTING = 0.98
-"""With each motion, those before it count less by this factor. Ours."""
+"""Factor by which the weight of earlier motions falls with each motion. Ours."""
 _PRIOR_SQUARES = 10.0
-"""The drift counts by half where the motions' squared lengths add up to this (m²). Ours."""
+"""The drift has half its weight where the motions' squared lengths add up to this (m²). Ours."""
 _PRIOR_MOTIONS = 10.0
-"""The standard deviation given at first counts as much as so many motions. Ours."""
+"""Number of motions whose weight the initial standard deviation has. Ours."""
 
 
 class OdometerModel:
     """Drift and standard deviation of the odometer's turns.
 
     Args:
-        turn_sigma: Standard deviation of a turn at first, and the least one (rad).
+        turn_sigma: Initial and minimum standard deviation of a turn (rad).
     """
 
     def __init__(self, turn_sigma: float) -> None:
@@ -34,7 +34,7 @@ class OdometerModel:
         (m²), error beyond the drift squared (rad²), and number."""
 
     def expected(self, motion: Pose) -> Pose:
-        """Return the odometer's motion (m, m, rad) without its drift: a turn a metre."""
+        """Return the odometer's motion (m, m, rad) without its drift, a turn per metre."""
         errors, squares, _, _ = self.sums.tolist()
         turn = errors / (squares + _PRIOR_SQUARES) * np.hypot(*motion[:2])
         x, y, heading = motion.tolist()
@@ -42,13 +42,13 @@ class OdometerModel:
 
     @property
     def turn_sigma(self) -> float:
-        """Standard deviation of a turn (rad)."""
+        """The standard deviation of a turn (rad)."""
         _, _, squares, count = self.sums.tolist()
         mean = (_PRIOR_MOTIONS * self._least**2 + squares) / (_PRIOR_MOTIONS + count)
         return max(self._least, float(np.sqrt(mean)))
 
     def learn(self, motion: Pose, found: Pose) -> None:
-        """Learn from a motion by the odometer, and the same one as landmarks tell it."""
+        """Update the model by a motion by the odometer, and the same motion by the landmarks."""
         length = float(np.hypot(*motion[:2]))
         error = float(wrap_angle(motion[2] - found[2]))
         beyond = float(wrap_angle(self.expected(motion)[2] - found[2]))

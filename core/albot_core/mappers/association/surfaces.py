@@ -1,7 +1,7 @@
-"""The geometry of surfaces: how similar and how close two are, where they cross, lengthening.
+"""The geometry of surfaces: similarity and distance of two surfaces, crossings, lengthening.
 
-A surface is a row x1, y1, x2, y2 (m), its ends in the order in which the laser's beams, which run
-counter-clockwise, came upon them. So the two faces of a wall have opposite directions.
+A surface is a row x1, y1, x2, y2 (m). Its ends are in the order in which the laser's beams, which
+run counter-clockwise, hit them, so the two faces of a wall have opposite directions.
 """
 
 from __future__ import annotations
@@ -15,27 +15,28 @@ from albot_core.geometry.segment_kernels import crosses, distance_to_segment, he
 from albot_core.kernels.compiled import kernel
 
 _LIKE = 0.2
-"""So far apart (m) two surfaces are as unlike as if one were turned by 1 rad."""
+"""A distance of this (m) between two surfaces counts as much as a turn of 1 rad."""
 
 
 class Surfaces(NamedTuple):
-    """Surfaces, and how much of each was seen."""
+    """Surfaces, and the seen length of each."""
 
     lines: np.ndarray
     """(n, 4) float64: the surfaces (m)."""
     lengths: np.ndarray
-    """(n,) float64: the length of each that was seen as it got its direction (m)."""
+    """(n,) float64: the length of each surface that was seen when its direction was measured
+    (m)."""
 
 
 @kernel()
 def most_similar(
     surface: np.ndarray, others: np.ndarray, count: int, angle: float, closeness: float
 ) -> int:
-    """Which of the first `count` others is close and the most similar; -1 for none.
+    """Return which of the first `count` others is close and the most similar; -1 for none.
 
     Those turned by more than `angle` (rad) or farther away than `closeness` (m) do not count. The
-    paper takes the most similar orientation. But the walls of a corridor are all parallel, and only
-    noise tells them apart by that; so how far apart they are counts too, which is ours.
+    paper takes the most similar orientation. But the walls of a corridor are parallel, and by
+    orientation alone noise would decide; so the distance counts as well, which is ours.
     """
     best, least = -1, np.inf
     for k in range(count):
@@ -52,7 +53,7 @@ def most_similar(
 
 @kernel()
 def overhang(surface: np.ndarray, other: np.ndarray) -> tuple[float, float]:
-    """How far another surface reaches beyond the first end of this one, and beyond its last (m)."""
+    """Return how far `other` reaches beyond the first and the last end of `surface` (m)."""
     first, length = along(surface, other[0], other[1])
     last, _ = along(surface, other[2], other[3])
     return max(0.0, -min(first, last)), max(0.0, max(first, last) - length)
@@ -60,9 +61,9 @@ def overhang(surface: np.ndarray, other: np.ndarray) -> tuple[float, float]:
 
 @kernel()
 def missing(surface: np.ndarray, known: np.ndarray) -> tuple[float, float]:
-    """By how much a surface is to be lengthened at either end to be as long as a known one (m).
+    """Return the lengths to add at either end of a surface to give it a known one's extent (m).
 
-    It then lies beside it. The known one reaches at least as far at both ends.
+    The known surface reaches at least as far at both ends.
     """
     middle, length = along(surface, 0.5 * (known[0] + known[2]), 0.5 * (known[1] + known[3]))
     half = 0.5 * length_of(known[2] - known[0], known[3] - known[1])
@@ -71,7 +72,7 @@ def missing(surface: np.ndarray, known: np.ndarray) -> tuple[float, float]:
 
 @kernel()
 def along(surface: np.ndarray, x: float, y: float) -> tuple[float, float]:
-    """How far along a surface a point lies, from its first end on; and how long it is (m)."""
+    """Return the distance of a point along a surface from its first end, and its length (m)."""
     dx, dy = surface[2] - surface[0], surface[3] - surface[1]
     length = length_of(dx, dy)
     return (dx * (x - surface[0]) + dy * (y - surface[1])) / length, length
@@ -79,7 +80,7 @@ def along(surface: np.ndarray, x: float, y: float) -> tuple[float, float]:
 
 @kernel()
 def lengthen(surface: np.ndarray, before: float, after: float) -> None:
-    """Move a surface's first end back and its last end on by so much (m)."""
+    """Move a surface's first end back by `before` and its last end forward by `after` (m)."""
     dx, dy = surface[2] - surface[0], surface[3] - surface[1]
     length = length_of(dx, dy)
     dx, dy = dx / length, dy / length
@@ -91,7 +92,7 @@ def lengthen(surface: np.ndarray, before: float, after: float) -> None:
 
 @kernel()
 def distance_between(one: np.ndarray, other: np.ndarray) -> float:
-    """The least distance between two surfaces (m); 0 where they cross."""
+    """Return the least distance between two surfaces (m); 0 if they cross."""
     if crosses(one, other):
         return 0.0
     first = min(distance_to(one, other[0], other[1]), distance_to(one, other[2], other[3]))
@@ -101,13 +102,13 @@ def distance_between(one: np.ndarray, other: np.ndarray) -> float:
 
 @kernel()
 def distance_to(surface: np.ndarray, x: float, y: float) -> float:
-    """The least distance of a point from a surface (m)."""
+    """Return the least distance of a point from a surface (m)."""
     return distance_to_segment(x, y, surface[0], surface[1], surface[2], surface[3])
 
 
 @kernel()
 def may_be_close(one: np.ndarray, other: np.ndarray, closeness: float) -> bool:
-    """Whether the boxes round two surfaces are no farther apart than this along either axis."""
+    """Return whether the bounding boxes of two surfaces are at most this far apart on each axis."""
     return bool(
         min(one[0], one[2]) - closeness <= max(other[0], other[2])
         and min(other[0], other[2]) - closeness <= max(one[0], one[2])

@@ -6,13 +6,13 @@
 - `memory`: the map and the view as arrays,
 - `frames`: poses and surfaces in other frames.
 
-What `albot1` does in place of algorithms 1 and 2:
+What `albot1` uses in place of algorithms 1 and 2:
 
-- `submap`: what is seen and what is remembered nearby, as rows to compare,
-- `near_walls`: which of them a wall in view may be matched with,
-- `submap_matching`: where the robot is by all of it,
+- `submap`: the walls in view and the remembered walls nearby, as rows to compare,
+- `near_walls`: the expected walls that a wall in view may match,
+- `submap_matching`: the robot's pose by all of these walls,
 - `motion_search`: the likeliest motions between two views,
 - `range_profile`: how well two views agree at each turn,
-- `odometer_error`: how far the odometer is off, learnt on the way,
+- `odometer_error`: the errors of the odometer, learnt from the matches,
 - `consistency`: whether the robot was carried away.
 """

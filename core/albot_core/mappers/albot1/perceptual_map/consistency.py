@@ -1,10 +1,10 @@
-"""The consistency check: whether two views contradict each other, as they do if a robot was moved.
+"""The consistency check: two views that contradict each other show that a robot was moved.
 
-This is ours. However new the ground is, a wall of one view is either hidden in the other or seen
-there. Where the other view sees past it, one of the two was not taken where the robot believes.
-Between views of a driven robot hardly any wall is contradicted, on logs too; between views from
-two places half of them are. Recognised landmarks are no evidence: some of another room's walls fit
-by chance. Compiled.
+This is ours. Also on new ground, a wall of one view is either hidden in the other view or seen
+there. Where the other view sees past the wall, one of the two was not taken where the robot
+believes. Between views of a driven robot hardly any wall is contradicted, also on logs; between
+views from two places half of them are. Recognised landmarks are no evidence: some of another room's
+walls fit by chance. Compiled.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from albot_core.matching.lines import line_length
 CONTRADICTED = 0.45
 """Two views are inconsistent if a larger share of their walls contradicts…"""
 CONTRADICTING = 3.0
-"""…or if that share is so many times the share of the view that lies on what is expected. The match
-must be unsure, too."""
+"""…or if that share is more than this many times the share of the view that lies on expected walls.
+In both cases the match must be unsure."""
 ODD_SHIFT = 7.0
-"""A match that leads so many times farther than the odometer is usually off is doubted. The view is
-then inconsistent, too, if more contradicts where the odometer says than lies on what is expected
-where it was matched."""
+"""A match is doubted if it differs from the odometer's motion by more than this many times the
+usual error. Its view is inconsistent if, at the pose that the odometer gives, a larger share of
+walls contradicts than the share that lies on expected walls at the matched pose."""
 SPACING = 0.25
-"""Walls are sampled at points so far apart (m)."""
+"""Distance between the points at which walls are sampled (m)."""
 TOLERANCE = 0.5
-"""Where a wall lies and where it is seen may differ by so much (m)."""
+"""A wall agrees with a view that sees a surface within this distance of it, along the ray (m)."""
 MIN_POINTS = 12
-"""With fewer points in view from both, two views count as consistent."""
+"""With fewer points in view from both poses, two views count as consistent."""
 
 
 @kernel()
@@ -50,18 +50,19 @@ def inconsistent_views(
     current: LocatedView,
     limits: Albot1Limits,
 ) -> int:
-    """How many of the latest views in a row are inconsistent with what came before them.
+    """Return how many of the latest views in a row are inconsistent with those before them.
 
-    A view that contradicts the previous one is; the next is too if it agrees with that view. If
-    it does not, the view between was misread, and the count is 0 again.
+    A view that contradicts the previous one is inconsistent. The next view is inconsistent as well
+    if it agrees with that view. If it does not, the view between was misread, and the count is 0
+    again.
 
     Args:
         before: The count before the current view.
-        agreement: The share of the current view's walls that lies on what is expected there.
+        agreement: The share of the current view's walls that lies on expected walls.
         motion: The robot's motion between the two views, as the odometer reports it.
-        odometer: What has been learnt of the odometer.
-        previous: The view before it.
-        current: The current view, where it was matched.
+        odometer: The learnt errors of the odometer.
+        previous: The view before the current one.
+        current: The current view, at its matched pose.
         limits: All thresholds.
     """
     if before > 0:
@@ -86,7 +87,7 @@ def _is_led_astray(
     current: LocatedView,
     limits: Albot1Limits,
 ) -> int:
-    """1 if the match is oddly far from where the odometer says, and the views contradict there."""
+    """Return 1 if the match is oddly far from the odometer's pose, where the views contradict."""
     if odometer[HAS_MOVED] == 0.0:
         return 0
     matched = _matched()
@@ -101,7 +102,7 @@ def _is_led_astray(
 
 @kernel()
 def inconsistency(one: LocatedView, other: LocatedView, limits: Albot1Limits) -> float:
-    """The share of the walls of two views, of those in view from both, that contradict."""
+    """Return the share of contradicting walls among those of two views in view from both."""
     total = against = 0
     for turn in range(2):
         view, walls = (one, other) if turn == 0 else (other, one)
@@ -119,9 +120,9 @@ _wall, _pose = scratch(4), scratch(3)
 def _compare(
     view: LocatedView, walls: LocatedView, pose: np.ndarray, limits: Albot1Limits
 ) -> tuple[int, int]:
-    """At how many points the view sees the walls, and at how many it sees past them.
+    """Return at how many points the view sees the walls, and at how many it sees past them.
 
-    `pose` is that of the view in the frame of the walls.
+    `pose` is the view's pose in the frame of the walls.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     wall, agreeing, seen_past = _wall(), 0, 0
@@ -145,9 +146,9 @@ def _compare(
 
 @kernel()
 def range_along(surfaces: np.ndarray, x: float, y: float) -> float:
-    """How many vectors (x, y) away the first of surfaces (n, 4) along them is; NaN for none.
+    """Return the distance to the first of surfaces (n, 4) along (x, y), in lengths of that vector.
 
-    They are seen from the origin.
+    The ray starts at the origin. Returns NaN if it meets no surface.
     """
     nearest = np.inf
     for k in range(surfaces.shape[0]):

@@ -1,18 +1,19 @@
 """Perceptual mapping: algorithms 1 to 4 of the thesis, from top to bottom. Compiled.
 
 The robot remembers a view as the local environment that it is about to explore, follows the
-landmarks in it from view to view (algorithm 1), and knows by them where it is in its map
-(algorithm 2). When too few are left in view it has reached the limiting point: there it lays its
-latest view over the map, and forgets what the map held within the view's boundary (algorithm 3).
-`map_step` is the whole (algorithm 4).
+landmarks in it from view to view (algorithm 1), and localises itself in its map by them (algorithm
+2). When too few are left in view the robot has reached the limiting point: there it lays its latest
+view over the map, and forgets what the map held within the view's boundary (algorithm 3).
+`map_step` is the whole step (algorithm 4).
 
 The thesis's symbols: `pm` is the perceptual map PM; `current` and `previous` are the views V_n and
-V_n-1; a view's `landmark` are its landmarks L, and those with a slot in the map its recognised
-landmarks RL; a view's `pose` is the robot's position RP; `motion` is its displacement RDTR.
+V_n-1; a view's `landmark` flags its landmarks L, and those with a slot in the map are its
+recognised landmarks RL; a view's `pose` is the robot's position RP; `motion` is its displacement
+RDTR.
 
 `albot1-tracked` searches the turn before algorithm 1, and localises by `tracking` in place of
-algorithm 2. In place of both `albot1` takes `submap_matching.match_submap`; by `consistency` it
-notices when the robot was carried away. All other lines are the thesis's.
+algorithm 2. `albot1` uses `submap_matching.match_submap` in place of both, and notices by
+`consistency` that the robot was carried away. All other lines are the thesis's.
 """
 
 from __future__ import annotations
@@ -60,19 +61,19 @@ from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.view import NO_EDGE
 
 STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
-"""Places in `progress`: views taken in; the view last laid over the map (the thesis's ustep); how
-often a view was; views without any recognised landmark; how many of the latest views in a row
-contradict where the robot believes to be."""
+"""Elements of `progress`: number of views processed; the view last laid over the map (the thesis's
+ustep); number of views laid over the map; number of views without any recognised landmark; number
+of latest views in a row that contradict the robot's estimated pose."""
 
 END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
-"""Columns of `pairs`, one row a recognised landmark: which end was recognised, how far it is from
-where it was expected (m), how far the surface is turned from what was expected (rad), and the
-end's distance from the robot in the previous view (m)."""
+"""Columns of `pairs`, one row for each recognised landmark: the end by which it was recognised, the
+distance of that end from where it was expected (m), the angle between the surface and the expected
+one (rad), and the end's distance from the robot in the previous view (m)."""
 
 TINY = 1e-6
-"""Gaps and angles below this (m, rad) do not make a landmark any better."""
+"""Gaps and angles below this (m, rad) do not increase a landmark's goodness."""
 MIN_REMAINDER = 0.10
-"""What is left of a surface after a cut is forgotten below this length (m)."""
+"""The remainder of a cut surface is forgotten if it is shorter than this (m)."""
 
 
 # Algorithm 1: recognise landmarks
@@ -86,10 +87,10 @@ def recognize_landmarks(
     limits: Albot1Limits,
     pairs: np.ndarray,
 ) -> int:
-    """Algorithm 1: find the landmarks recognised in `previous` among those of `current`.
+    """Find the landmarks recognised in `previous` among those of `current` (algorithm 1).
 
-    Fills `current.slots` and, for every recognised surface, its row of `pairs`; returns how
-    many landmarks of the current view were recognised. The last match of a surface stands.
+    Fills `current.slots` and, for every recognised surface, its row of `pairs`. Returns the number
+    of landmarks of the current view that were recognised. The last match of a surface counts.
     """
     for j in range(current.size[0]):
         current.slots[j] = NOT_RECOGNIZED
@@ -123,7 +124,7 @@ def recognize_landmarks(
 def _nearest_end(
     expected: np.ndarray, edges: np.ndarray, seen: np.ndarray, seen_edges: np.ndarray
 ) -> tuple[int, float]:
-    """Which occluding or corner point two surfaces share, and how far apart it is (m)."""
+    """Return the end at which two surfaces share an occluding or corner point, and the gap (m)."""
     nearest, which = np.inf, -1
     for end in range(2):
         if edges[end] != NO_EDGE and seen_edges[end] != NO_EDGE:
@@ -141,11 +142,11 @@ def _nearest_end(
 def localize(
     pm: PerceptualMap, current: LocatedView, pairs: np.ndarray, longest: bool = False
 ) -> None:
-    """Algorithm 2: set `current.pose` by the best of the recognised landmarks.
+    """Set `current.pose` by the best of the recognised landmarks (algorithm 2).
 
-    Every landmark gives a localisation point. Those farther from their average than their
-    standard deviation are discarded; of the rest the landmark of highest goodness counts, or, as
-    the text at figure 3.11 has it, the `longest`.
+    Every landmark gives a localisation point. Those farther from their average than their standard
+    deviation are discarded. Of the rest the landmark of highest goodness is used or, as the text at
+    figure 3.11 says, the `longest`.
     """
     room = current.size[0]
     poses = np.empty((room, 3))
@@ -180,10 +181,10 @@ def localize(
 
 @kernel()
 def _pose_by_landmark(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarray) -> None:
-    """Write the pose from which the remembered surface looks as the seen one does.
+    """Write the pose from which the remembered surface appears as the seen one.
 
-    Eq. (3.6) and (3.7) place the robot at its distance and angle from the landmark; the
-    same rigid motion is written here by the two surfaces' directions and the common point.
+    Eq. (3.6) and (3.7) place the robot by its distance and angle from the landmark; here the same
+    rigid motion is computed from the two surfaces' directions and the common point.
     """
     pose[2] = wrap(heading_of(remembered) - heading_of(seen))
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -197,13 +198,13 @@ def _pose_by_landmark(remembered: np.ndarray, seen: np.ndarray, end: int, pose: 
 
 @kernel(arrays=True)
 def update_map(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> None:
-    """Algorithm 3: lay a view, seen from its pose, over the map.
+    """Lay a view, taken at its pose, over the map (algorithm 3).
 
-    Surfaces with both ends inside the view's boundary are removed. Of those with one end
-    inside the part outside stays: drawn together with the view's surface of the same wall
-    where there is one, cut at the boundary where there is none. Not in the thesis: a wall that
-    would be bent by more than `join_height` is cut as well. Then the rest of the view is added,
-    and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
+    Surfaces with both ends inside the view's boundary are removed. Of a surface with one end
+    inside, the part outside remains. It is joined with the view's surface of the same wall or, if
+    there is none, cut at the boundary. Not in the thesis: a wall that would be bent by more than
+    `join_height` is cut as well. Then the rest of the view is added, and all its landmarks count as
+    recognised (algorithm 4, lines 17 and 22).
     """
     count = view.size[0]
     in_map = np.empty((count, 4))
@@ -236,7 +237,8 @@ def _lay_over(
 ) -> None:
     """Lay a view, whose surfaces in the map's frame are `in_map`, over the surfaces `nearby`.
 
-    `slots` and `is_used`, which is all false as `none_used` is, have an element a surface.
+    `slots` and `is_used` have one element for each surface; `is_used` and `none_used` are all
+    false.
     """
     count = view.size[0]
     changed, edges = _changed(), _edges()
@@ -265,7 +267,7 @@ def _lay_over(
             edges[0], edges[1] = view.edges[k, 0], view.edges[k, 1]
             if is_longer:
                 edges[outer] = pm.edges[slot, outer]
-                # The end in view is no longer the end in the map.
+                # The end in view is not the end of the wall in the map.
                 view.edges[k, outer] = NO_EDGE
             move_surface(pm, slot, changed, edges)  # Alg. 3, line 12
             pm.marks[slot] = pm.counts[VISIT]
@@ -281,9 +283,9 @@ def _lay_over(
 def _note_visit(
     pm: PerceptualMap, slot: int, in_map: np.ndarray, none_used: np.ndarray, limits: Albot1Limits
 ) -> None:
-    """Before a covered surface goes, count it for its visit: a candidate to close a loop (4.1.2).
+    """Count a covered surface for its visit, a possible loop-closure candidate (section 4.1.2).
 
-    Where `covered_is_reobserved` is off it counts only if the view holds the same wall.
+    If `covered_is_reobserved` is off, it counts only if the view holds the same wall.
     """
     old = pm.surfaces[slot]
     if pm.marks[slot] == pm.counts[VISIT] or line_length(old) < limits.landmark_length:
@@ -307,10 +309,10 @@ def map_step(
     beam_model: BeamModel,
     buffers: MatchBuffers,
 ) -> None:
-    """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`.
+    """Process the view `current`, a motion away from `previous` (algorithm 4 from line 5 on).
 
-    Ours is that an inconsistent view waits until the next one confirms it: a view that was
-    misread must not be laid over the map, for what it covers is forgotten.
+    Not in the thesis: an inconsistent view waits until the next one confirms it. A misread view
+    must not be laid over the map, because what it covers is forgotten.
     """
     step = progress[STEP]
     progress[STEP] += 1
@@ -357,7 +359,7 @@ def _check_consistency(
     progress: np.ndarray,
     limits: Albot1Limits,
 ) -> None:
-    """Count the inconsistent views; the first is where the odometer says, for it is not matched."""
+    """Count the inconsistent views, and reset the pose of the first to the one by the odometer."""
     before = progress[INCONSISTENT]
     count = inconsistent_views(before, agreement, motion, odometer, previous, current, limits)
     progress[INCONSISTENT] = count
@@ -374,7 +376,7 @@ def _recognize_and_localize(
     limits: Albot1Limits,
     buffers: MatchBuffers,
 ) -> int:
-    """Algorithms 1 and 2; with no landmark in view path integration stands in (section 3.2.1)."""
+    """Run algorithms 1 and 2; without a landmark path integration stands in (section 3.2.1)."""
     pairs, turned = np.empty((current.size[0], 4)), motion.copy()
     if limits.joint_landmarks:
         turned[2] += search_turn(previous, current, motion, limits, buffers)

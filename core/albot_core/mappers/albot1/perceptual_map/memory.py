@@ -1,12 +1,12 @@
-"""What a robot remembers: its perceptual map and its latest view, in plain arrays. Compiled.
+"""A robot's memory: its perceptual map and its latest view, in plain arrays. Compiled.
 
-To remove what lies within a view must not cost more as the map grows. So every surface's two ends
-are filed in a hashed grid of square cells: the ends near a place are found by looking into the
-cells there. A surface keeps its slot as long as it lives; freed slots are used again. Every
-surface bears a mark: the visit to a place in which it was last seen (chapter 4).
+The time to remove what lies within a view must not grow with the map. So the two ends of every
+surface are filed in a hashed grid of square cells: the ends near a point are found in the cells
+around it. A surface keeps its slot as long as it exists; freed slots are used again. Every surface
+has a mark: the visit to a place in which it was last seen (chapter 4).
 
-Both are named tuples, so that kernels take them whole. Thousands of robots may have one each: they
-are small, and emptied in no time.
+Map and view are named tuples, so that kernels take each as one argument. Both are small and quickly
+cleared, because thousands of robots may have one of each.
 """
 
 from __future__ import annotations
@@ -21,71 +21,72 @@ from albot_core.kernels.sorting import sort
 CELL = 2.0
 """Side of a grid cell (m)."""
 MAP_ROOM_AT_FIRST = 128
-"""Surfaces that a new map has room for; its room is always a power of two."""
+"""Capacity of a new map (surfaces); a map's capacity is always a power of two."""
 VIEW_ROOM_AT_FIRST = 64
-"""Surfaces of a view that a new robot has room for."""
+"""Capacity of a new robot's view (surfaces)."""
 ALIVE, FREE, NEXT_ID, USED, VISIT, CANDIDATE = 0, 1, 2, 3, 4, 5
-"""Places in `PerceptualMap.counts`: surfaces alive, slots on the free list, the next surface id,
-how many slots, from the first on, have ever held a surface, the number of the present visit, and
-an earlier visit that the robot may be on again: the loop-closure candidate (0 for none)."""
+"""Elements of `PerceptualMap.counts`: number of surfaces, number of slots on the free list, the
+next surface id, number of slots that have ever held a surface (these are the first ones), number of
+the present visit, and the loop-closure candidate: an earlier visit that the present one may repeat
+(0 for none)."""
 OBSERVED, GATE = 0, 1
 """Columns of `PerceptualMap.reobserved`."""
 NEVER = np.iinfo(np.int32).max
-"""The gate of a visit that is no candidate, however many of its surfaces are observed again."""
+"""The gate of a visit that cannot become a candidate."""
 NEXT, BEFORE = 0, 1
-"""Columns of `PerceptualMap.links`: the next end in the bucket, and the one before."""
+"""Columns of `PerceptualMap.links`: the next end in the bucket, and the previous one."""
 NOT_RECOGNIZED = -1
 """In `LocatedView.slots`: this surface is no recognised landmark."""
 
 
 class PerceptualMap(NamedTuple):
-    """The arrays of a perceptual map with room for `len(surfaces)` surfaces.
+    """The arrays of a perceptual map with a capacity of `len(surfaces)` surfaces.
 
-    What they hold for slots never used is of no account.
+    Their values for slots never used have no meaning.
     """
 
     surfaces: np.ndarray
     """(capacity, 4) float64: x1, y1, x2, y2 in the map's frame (m); NaN in freed slots."""
     edges: np.ndarray
-    """(capacity, 2) int8: what the two ends are (see `sensing.view`)."""
+    """(capacity, 2) int8: the kinds of the two ends (see `sensing.view`)."""
     ids: np.ndarray
     """(capacity,) int64: the surface's id, never used twice; -1 in freed slots."""
     marks: np.ndarray
-    """(capacity,) int32: the visit in which the surface was last seen; they count from 1."""
+    """(capacity,) int32: the visit, counted from 1, in which the surface was last seen."""
     reobserved_in: np.ndarray
-    """(capacity,) int32: the last visit, not that of its mark, in which it was observed again."""
+    """(capacity,) int32: the latest visit, except its mark, in which it was observed again."""
     reobserved: np.ndarray
-    """(capacity, 2) int32: how many surfaces of each earlier visit were observed again in the
-    present one, and its gate: with more than so many it becomes a loop-closure candidate."""
+    """(capacity, 2) int32: number of surfaces of each earlier visit that were observed again in the
+    present one, and the visit's gate: with more than this it becomes a loop-closure candidate."""
     free: np.ndarray
     """(capacity,) int32: stack of freed slots."""
     heads: np.ndarray
-    """(2 * capacity,) int32: first end filed in each bucket, -1 where none."""
+    """(2 * capacity,) int32: first end filed in each bucket, -1 if there is none."""
     links: np.ndarray
-    """(2 * capacity, 2) int32: the other ends in an end's bucket (see NEXT, BEFORE)."""
+    """(2 * capacity, 2) int32: an end's neighbours in its bucket (see NEXT, BEFORE)."""
     counts: np.ndarray
     """(6,) int64: see ALIVE, FREE, NEXT_ID, USED, VISIT, CANDIDATE."""
 
 
 class LocatedView(NamedTuple):
-    """The arrays of one view with room for `len(surfaces)` surfaces, in the robot's frame."""
+    """The arrays of one view with a capacity of `len(surfaces)` surfaces, in the robot's frame."""
 
     surfaces: np.ndarray
     """(room, 4) float64: x1, y1, x2, y2 in the robot's frame (m)."""
     edges: np.ndarray
-    """(room, 2) int8: what the two ends are (see `sensing.view`)."""
+    """(room, 2) int8: the kinds of the two ends (see `sensing.view`)."""
     landmark: np.ndarray
     """(room,) bool: the surface is a landmark."""
     slots: np.ndarray
-    """(room,) int64: the map's slot of the surface it was recognised as, or NOT_RECOGNIZED."""
+    """(room,) int64: the slot of the map's surface that it was recognised as, or NOT_RECOGNIZED."""
     size: np.ndarray
-    """(1,) int64: how many surfaces the view has."""
+    """(1,) int64: number of surfaces in the view."""
     pose: np.ndarray
-    """(3,) float64: where in the map the robot believed to see this from."""
+    """(3,) float64: the estimated pose from which the view was taken (m, rad; the map's frame)."""
 
 
 def empty_map(capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
-    """A map that remembers nothing, with room for `capacity` surfaces or a few more."""
+    """Return an empty map with room for at least `capacity` surfaces."""
     capacity = 1 << max(capacity - 1, 1).bit_length()
     pm = PerceptualMap(
         surfaces=np.empty((capacity, 4)),
@@ -104,7 +105,7 @@ def empty_map(capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
 
 
 def clear_map(pm: PerceptualMap) -> None:
-    """Make the map remember nothing."""
+    """Remove everything from the map."""
     pm.heads[:] = -1
     pm.reobserved[:] = (0, NEVER)
     pm.counts[:] = 0
@@ -112,12 +113,12 @@ def clear_map(pm: PerceptualMap) -> None:
 
 
 def living(pm: PerceptualMap) -> np.ndarray:
-    """(slots used,) bool: the slots that hold a surface."""
+    """Return which of the used slots hold a surface, (slots used,) bool."""
     return np.asarray(pm.ids[: pm.counts[USED]] >= 0)
 
 
 def empty_view(room: int = VIEW_ROOM_AT_FIRST) -> LocatedView:
-    """A view of nothing with room for `room` surfaces, seen from the map's origin."""
+    """Return an empty view with room for `room` surfaces, taken at the map's origin."""
     return LocatedView(
         surfaces=np.zeros((room, 4)),
         edges=np.zeros((room, 2), np.int8),
@@ -130,7 +131,7 @@ def empty_view(room: int = VIEW_ROOM_AT_FIRST) -> LocatedView:
 
 @kernel()
 def copy_view(source: LocatedView, target: LocatedView) -> None:
-    """Make `target`, which has room for it, the same view."""
+    """Copy a view into `target`, which must have room for it."""
     target.size[0] = source.size[0]
     for i in range(3):
         target.pose[i] = source.pose[i]
@@ -144,7 +145,7 @@ def copy_view(source: LocatedView, target: LocatedView) -> None:
 
 @kernel()
 def add_surface(pm: PerceptualMap, surface: np.ndarray, edges: np.ndarray) -> int:
-    """Remember a surface under a new id; return its slot. There must be room."""
+    """Add a surface under a new id, and return its slot. There must be room."""
     if pm.counts[FREE] > 0:
         pm.counts[FREE] -= 1
         slot = int(pm.free[pm.counts[FREE]])
@@ -183,14 +184,17 @@ def move_surface(pm: PerceptualMap, slot: int, surface: np.ndarray, edges: np.nd
 
 @kernel()
 def room_left(pm: PerceptualMap) -> int:
-    """How many more surfaces there is room for."""
+    """Return the number of surfaces that may still be added."""
     counts = pm.counts
     return int(pm.ids.shape[0] - counts[USED] + counts[FREE])
 
 
 @kernel()
 def count_reobserved(pm: PerceptualMap, slot: int) -> None:
-    """Note that a surface is in view; its visit, if an earlier one, may become a candidate."""
+    """Count a surface that is in view for its visit, which may become a loop-closure candidate.
+
+    Only surfaces of earlier visits count, each once in the present visit.
+    """
     visit, now = pm.marks[slot], pm.counts[VISIT]
     if visit == now:
         return
@@ -203,13 +207,13 @@ def count_reobserved(pm: PerceptualMap, slot: int) -> None:
 
 @kernel()
 def find_surfaces(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
-    """Find the slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max).
+    """Write to `found` the slots of surfaces with an end in a box (x_min, y_min, x_max, y_max).
 
-    They are in `found`, ascending, from its beginning on; how many they are. It must have room
-    for one more than live; with room for twice as many it is seldom full on the way.
+    The slots are in ascending order. Returns their number. `found` must have room for one more than
+    the surfaces of the map; with room for twice as many it is seldom full during the search.
     """
     cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
-    # A surface is looked at several times faster than a cell.
+    # Testing a surface is several times faster than testing a cell.
     if pm.counts[USED] < 4.0 * cells:
         return int(_search_all(pm, box, found))
     return int(_search_cells(pm, box, found))
@@ -217,12 +221,12 @@ def find_surfaces(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
 
 @kernel()
 def _search_all(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
-    """`find_surfaces`, by a look at every surface."""
+    """Search as `find_surfaces` does, by testing every surface."""
     surfaces = pm.surfaces
     count = ZERO
     for slot in range(pm.counts[USED]):
-        # Freed slots hold NaN, which is in no box. Without branches: half of what is looked at
-        # is in the box, and which, no processor foresees.
+        # Freed slots hold NaN, which is in no box. The test has no branches, because about half of
+        # the surfaces are in the box, in an unpredictable order.
         found[count] = slot
         count += _is_in(box, surfaces[slot, 0], surfaces[slot, 1]) | _is_in(
             box, surfaces[slot, 2], surfaces[slot, 3]
@@ -232,7 +236,7 @@ def _search_all(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
 
 @kernel()
 def _search_cells(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
-    """`find_surfaces`, by a look into the box's cells."""
+    """Search as `find_surfaces` does, by testing the ends in the box's cells."""
     surfaces, heads, links = pm.surfaces, pm.heads, pm.links
     count = ZERO
     for column in range(cell_of(box[0]), cell_of(box[2]) + 1):
@@ -242,7 +246,7 @@ def _search_cells(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
                 slot, side = end >> 1, end & 1
                 if _is_in(box, surfaces[slot, 2 * side], surfaces[slot, 2 * side + 1]):
                     if count == found.shape[0]:
-                        # Cells that share a bucket have found the same ends again and again.
+                        # Cells that share a bucket yield the same ends several times.
                         count = _keep_distinct(found, count)
                     found[count] = slot
                     count += 1
@@ -257,7 +261,7 @@ def _is_in(box: np.ndarray, x: float, y: float) -> bool:
 
 @kernel()
 def _keep_distinct(values: np.ndarray, count: int) -> int:
-    """Sort the first `count` values in place, each of them once; how many they are then."""
+    """Sort the first `count` values in place without duplicates, and return their new number."""
     sort(values, count)
     distinct = ZERO
     for i in range(count):
@@ -300,7 +304,7 @@ def _unfile_end(pm: PerceptualMap, end: int) -> None:
 
 @kernel()
 def file_all(pm: PerceptualMap) -> None:
-    """File the ends of all surfaces; none must be filed yet."""
+    """File the ends of all surfaces, none of which may be filed yet."""
     for slot in range(pm.counts[USED]):
         if pm.ids[slot] >= 0:
             _file_end(pm, 2 * slot)
@@ -317,11 +321,11 @@ def _bucket_of_end(pm: PerceptualMap, end: int) -> int:
 
 @kernel()
 def bucket_of(column: int, row: int, buckets: int) -> int:
-    """The bucket in which the ends of a cell are filed; other cells may share it."""
+    """Return the bucket in which the ends of a cell are filed; other cells may share it."""
     return int(((column * 73856093) ^ (row * 19349663)) & (buckets - 1))
 
 
 @kernel()
 def cell_of(coordinate: float) -> int:
-    """Index of the grid cell that holds a coordinate."""
+    """Return the index of the grid cell that holds a coordinate."""
     return int(np.floor(coordinate / CELL))

@@ -1,7 +1,7 @@
-"""The likeliest motions between two views: those under which their range profiles agree. Compiled.
+"""Search for the likeliest motions between two views: those at which their range profiles agree.
 
-The turn is searched under the odometer's translation, or under those of a grid around it. Few
-motions are aligned, so each that is taken out of a search differs in its turn from the others.
+The turn is searched at the odometer's translation, or at the translations of a grid around it. Only
+a few motions are aligned, so the motions taken from one search differ in their turns. Compiled.
 """
 
 from __future__ import annotations
@@ -33,57 +33,57 @@ from albot_core.mappers.albot1.perceptual_map.submap import ViewPair, describe_p
 from albot_core.matching.lines import wrap
 
 ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
-"""How many motions are aligned at the most: the likeliest turn, and another that is nearly as
-likely; then, as long as no match is sure, the odometer's own, a further turn, and motions of other
-translations."""
+"""Bounds on the number of motions that are aligned: first the likeliest turn and another that is
+nearly as likely; then, as long as no match is sure, the odometer's own motion and a further turn;
+at last motions of other translations."""
 NEARLY = 0.15
-"""A turn is nearly as likely as another with a score no more than this below it."""
+"""A turn is nearly as likely as the best one if its score is at most this much lower."""
 ODD_TURN = 5.0
-"""Turns are first sought up to so many times the scale of the odometer's errors: a misread view
-fits somewhere, too, but seldom where the odometer may have led."""
+"""Turns are first searched up to this many times the scale of the odometer's errors. A misread view
+fits somewhere else as well, but seldom where the odometer may have led."""
 WIDEST_TURN = np.radians(90.0)
-"""Turns are sought up to this where no match is sure (rad)."""
+"""Turns are searched up to this where no match is sure (rad)."""
 REACH = 0.5
-"""How far around the expected motion others are tried, at least (m)."""
+"""Other translations are tried up to at least this far from the expected one (m)."""
 GUESSES, GUESS_CELLS, GUESS_SPACING = 16, 6, 0.2
-"""Without an odometer so many motions are aligned at the most, of so many translations either way,
-so far apart (m)."""
+"""Without an odometer: maximum number of motions that are aligned, number of translations tried in
+each direction along each axis, and their spacing (m)."""
 GUESS_NEARLY = 0.5
-"""Without an odometer, where the translation has to be found as well, a motion is nearly as likely
-as another with a score no more than this below it."""
+"""The same as NEARLY, without an odometer, where the translation has to be found as well."""
 SHIFT_COST = 0.1
-"""Where the odometer is off by its scale, the translation costs log 2 times this, in shares of
-agreeing directions (as for a turn, see `turn_cost`)."""
+"""A translation that differs from the odometer's by the scale of its errors costs log 2 times this,
+in shares of agreeing directions (as for a turn, see `turn_cost`)."""
 CHANGE_COST = 0.1
-"""Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
-of agreeing directions: along a corridor the views cannot tell it."""
+"""Without an odometer, the cost of a translation that differs by 1 m from the last one, in shares
+of agreeing directions. It is needed along a corridor, where the views do not show the
+translation."""
 STANDING, ALIKE = 0.05, 0.9
-"""Without an odometer a robot that moved less than this between the last two views (m) stands still
-where the next view's profile agrees with the last one's by more than this: with a few centimetres'
-motion it does not."""
+"""Without an odometer, a robot is taken to stand still if it moved less than the first value
+between the last two views (m) and the next view's profile agrees with the last one's by more than
+the second. After a motion of a few centimetres the agreement is lower."""
 
 _trial, _of_one = scratch(3), scratch(TURNS)
 
 
 class MotionSearch(NamedTuple):
-    """What a search of motions has found, and what was made of it."""
+    """The result of a search of motions, from which motions are taken one by one."""
 
     scores: np.ndarray
-    """(TURNS,) float64: each turn's best score of all translations…"""
+    """(TURNS,) float64: each turn's best score of all translations."""
     shifts: np.ndarray
-    """(TURNS, 2) float64: …and with that translation (m)."""
+    """(TURNS, 2) float64: the translation with that score (m)."""
     turns: np.ndarray
-    """(BY_TURN,) float64: the turns with which motions of the odometer's translation were aligned
-    (rad); NaN for none."""
+    """(BY_TURN,) float64: the turns (rad) at which motions with the odometer's translation were
+    aligned; NaN for none."""
 
 
 @kernel()
 def most_motions(pair: ViewPair) -> int:
-    """Return how many motions may be aligned.
+    """Return the maximum number of motions to be aligned.
 
-    It is one, of the odometer's translation, where there is no odometer, or the robot has not moved
-    yet, and the view shows it to stand as it stood before. Most robots do so before they first
-    move, and to look for a motion takes twenty times as long as all the rest.
+    It is 1 if there is no odometer, or the robot has not moved yet, and the view shows that the
+    robot stands still. This is common before a robot first moves, and a search takes twenty times
+    as long as all the rest.
     """
     if pair.odometer[HAS_MOVED] > 0.0:
         return MOTIONS
@@ -97,9 +97,9 @@ def most_motions(pair: ViewPair) -> int:
 def propose_motion(
     k: int, first: float, most: int, pair: ViewPair, search: MotionSearch, trial: np.ndarray
 ) -> tuple[float, float]:
-    """Propose the motion that is aligned as the `k`-th, as `take_motion` does.
+    """Propose the `k`-th motion to be aligned. Returns its score and turn, as `take_motion` does.
 
-    `first` is the score of the one before all others, `most` as `most_motions` says.
+    `first` is the score of the first motion, `most` the result of `most_motions`.
     """
     motion, scale, limits = pair.motion, pair.turn_scale, pair.limits
     if pair.odometer[HAS_MOVED] == 0.0:
@@ -110,7 +110,8 @@ def propose_motion(
         widest = min(limits.turn_search, ODD_TURN * scale)
         search_motions(pair, 0, 0.0, widest, NEARLY, search)
     elif k == ALWAYS:
-        # The two views may hardly agree under any turn; the map may know better.
+        # Where the two views hardly agree under any turn, the map may show that this motion is
+        # right.
         copy_pose(motion, trial)
         return first, 0.0
     elif k == BY_TURN:
@@ -124,11 +125,12 @@ def propose_motion(
 
 @kernel()
 def is_likely(k: int, score: float, first: float, is_sure: bool, odometer: np.ndarray) -> bool:
-    """Whether the `k`-th motion is likely enough to be aligned, where `first` is the first's score.
+    """Return whether to align the `k`-th motion, by its score and that of the `first` one.
 
-    With an odometer a motion of its translation is aligned if its score is at most NEARLY below the
-    first's, and one of another translation always. Without an odometer every motion is as long as
-    no match `is_sure`; then only one whose score is at most GUESS_NEARLY below the first's.
+    With an odometer, a motion with its translation is aligned if its score is at most NEARLY below
+    the first's; a motion with another translation is always aligned. Without an odometer, every
+    motion is aligned as long as no match `is_sure`, and then only those with a score at most
+    GUESS_NEARLY below the first's.
     """
     if score == -np.inf:
         return False
@@ -139,7 +141,7 @@ def is_likely(k: int, score: float, first: float, is_sure: bool, odometer: np.nd
 
 @kernel()
 def _is_aligned(turn: float, trial: np.ndarray, motion: np.ndarray, turns: np.ndarray) -> bool:
-    """Whether a motion was aligned before: with the odometer's translation and one of `turns`."""
+    """Return whether a motion with the odometer's translation and one of `turns` was aligned."""
     if trial[0] == motion[0] and trial[1] == motion[1]:
         for aligned in turns:
             if turn == aligned:
@@ -156,15 +158,15 @@ def search_motions(
     nearly: float,
     search: MotionSearch,
 ) -> None:
-    """Compare the profile of the view, which is in the buffers, with that of the previous one.
+    """Compare the profile of the view, which is in the buffers, with that of the previous view.
 
     Args:
         pair: The two views.
-        cells: So many translations either way along each axis are tried around the motion's…
-        spacing: …so far apart (m).
+        cells: Number of translations tried in each direction along each axis, around the motion's.
+        spacing: Distance between these translations (m).
         widest: The largest turn (rad) that is added to the motion's.
         nearly: Turns whose score is farther than this below the best one may be left out.
-        search: Filled with each turn's best score, and its translation.
+        search: Filled with each turn's best score and the translation of that score.
     """
     buffers, motion, trial, of_one = pair.buffers, pair.motion, _trial(), _of_one()
     copy_pose(motion, trial)
@@ -189,10 +191,10 @@ def search_motions(
 def take_motion(
     search: MotionSearch, motion: np.ndarray, likely: np.ndarray
 ) -> tuple[float, float]:
-    """Take the likeliest motion out of what `search_motions` has found: its score, and its turn.
+    """Take the likeliest motion out of a search; return its score and its turn.
 
-    `likely` becomes the motion's translation, with the turn of `motion` (rad), to which the turn
-    returned is to be added. The score is -inf where none is left.
+    `likely` is set to the motion's translation with the turn of `motion` (rad); the turn returned
+    is to be added to it. The score is -inf where no motion is left.
     """
     place, score = take_likeliest(search.scores)
     copy_pose(motion, likely)
@@ -205,7 +207,7 @@ def take_motion(
 def shift_cost(
     moved: np.ndarray, motion: np.ndarray, odometer: np.ndarray, limits: Albot1Limits
 ) -> float:
-    """What a translation costs that differs from that of the odometer's `motion` (see SHIFT_COST).
+    """Return the cost of a translation that differs from the odometer's `motion` (see SHIFT_COST).
 
     Without an odometer it is compared with the last translation (see CHANGE_COST).
     """
@@ -225,9 +227,9 @@ def motion_cost(
     odometer: np.ndarray,
     limits: Albot1Limits,
 ) -> float:
-    """What it costs that the robot moved otherwise than the odometer's `motion`.
+    """Return the cost of a motion that differs from the odometer's `motion`.
 
-    `scale` is that of the odometer's errors of turn (rad).
+    `scale` is that of the odometer's turn errors (rad).
     """
     turn = turn_cost(wrap(moved[2] - motion[2]), scale)
     return float(turn + shift_cost(moved, motion, odometer, limits))
@@ -235,8 +237,8 @@ def motion_cost(
 
 @kernel()
 def agreement_after(pair: ViewPair, motion: np.ndarray) -> float:
-    """How well the profiles of the two views agree if the robot moved by `motion` between them."""
-    # Behind all that is expected, whose rows are still of use.
+    """Return how well the two views' profiles agree if the robot moved by `motion` between them."""
+    # Written behind the rows of all expected walls, which are still needed.
     previous, buffers = pair.previous, pair.buffers
     first = buffers.expected.shape[0] - previous.size[0]
     total = describe_previous(previous, motion, first, buffers)

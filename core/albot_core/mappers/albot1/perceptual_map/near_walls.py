@@ -1,9 +1,9 @@
-"""Which of the walls expected a wall in view may be matched with, eight at a time. Compiled.
+"""The expected walls that a wall in view may match, eight tested at a time. Compiled.
 
-Most walls nearby run otherwise or stand elsewhere. The few that remain are matched one by one, so
-what is here decides nothing but the time that matching takes. Walls are the columns of a table
-(8, n) with the rows of `lines.measure`; n is a multiple of LANES. Of the table the first `count`
-columns are looked at, and those that remain are listed in `near`, ascending.
+Most walls nearby have another direction or stand elsewhere. The few that remain are compared one by
+one, so this file affects only the time that matching takes, not its result. Walls are the columns
+of a table (8, n) with the rows of `lines.measure`; n is a multiple of LANES. The first `count`
+columns of the table are tested, and those that remain are listed in `near`, in ascending order.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from albot_core.kernels.simd import (
 from albot_core.matching.lines import Ends
 
 ROUNDING = 1e-9
-"""Walls are listed that lie farther off than is matched by so much (m): what is computed here is
-rounded otherwise."""
+"""Walls are listed up to this much farther away than they are matched (m), because the rounding
+here differs from that of matching."""
 
 
 @kernel()
@@ -45,17 +45,20 @@ def list_ends_near(
     gap: float,
     near: np.ndarray,
 ) -> int:
-    """List the walls that run as one in view does, with one end near the same end of it.
+    """List the walls with the direction of a wall in view and an end near the same end of it.
 
     Args:
         table: The walls.
-        count: How many they are.
+        count: Number of walls.
         ends: The ends of the wall in view (m).
         heading: The unit vector along it.
-        cosine: Walls are turned by less than the angle of this cosine…
-        length: …have this length at least (m)…
-        gap: …and an end nearer than this (m).
-        near: Is filled.
+        cosine: Cosine of the largest angle between the two walls.
+        length: Minimum length of a wall (m).
+        gap: Maximum distance between the two ends (m).
+        near: Filled with the columns of the walls.
+
+    Returns:
+        The number of walls listed.
     """
     found, least = ZERO, (cosine, length, gap * gap)
     for first in range(0, count, LANES):
@@ -95,19 +98,19 @@ def list_walls_along(
     beyond: float,
     near: np.ndarray,
 ) -> int:
-    """List the walls on which points of a wall in view may lie; how many they are.
+    """List the walls on which points of a wall in view may lie, and return their number.
 
     Args:
         table: The walls.
-        count: How many they are.
+        count: Number of walls.
         start: The first end of the wall in view (m).
         heading: The unit vector along it.
-        first_point: The place along it of its first point (m)…
-        last_point: …and of its last.
-        cosine: Walls are turned by less than the angle of this cosine.
-        gap: A point is no farther from the wall's line than this (m)…
-        beyond: …and no farther beyond its ends than this.
-        near: Is filled.
+        first_point: Distance of its first point from `start` (m).
+        last_point: Distance of its last point from `start` (m).
+        cosine: Cosine of the largest angle between the two walls.
+        gap: Maximum distance of a point from a wall's line (m).
+        beyond: Maximum distance of a point beyond a wall's ends (m).
+        near: Filled with the columns of the walls.
     """
     found = ZERO
     numbers = (*start, *heading, first_point, last_point, cosine, gap + ROUNDING, beyond + ROUNDING)
@@ -130,8 +133,8 @@ def _is_along(
     gap: FloatVector,
     beyond: FloatVector,
 ) -> FloatVector:
-    # From the first point to the last both grow evenly: how far along the wall a point is, and how
-    # far aside of it. So these two points tell of all between.
+    # From the first point to the last, the positions along and across the wall change linearly, so
+    # these two points bound all points between them.
     dx, dy = x - walls[0], y - walls[1]
     along, aside = walls[6] * dx + walls[7] * dy, walls[6] * dy - walls[7] * dx
     cos, sin = walls[6] * ux + walls[7] * uy, walls[6] * uy - walls[7] * ux
@@ -143,7 +146,7 @@ def _is_along(
 
 @kernel()
 def _list(bits: int, first: int, near: np.ndarray, count: int) -> int:
-    """Append to `near` the columns whose bits are set; how many it holds then."""
+    """Append to `near` the columns whose bits are set; return the new length of the list."""
     while bits != 0:
         near[count] = first + lowest_bit(bits)
         bits &= bits - 1

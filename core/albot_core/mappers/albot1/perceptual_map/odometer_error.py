@@ -1,12 +1,12 @@
-"""How far the odometer is off: learnt from the log at hand as views are matched. Compiled.
+"""The odometer's errors, learnt from the log at hand as views are matched. Compiled.
 
-This is ours. The thesis supposes a turn that is right to 5°. How large the errors really are
-differs between robots and floors. So what a match says of the last turn is held against what the
-odometer said, and the running mean square of the difference tells how much a turn costs that
-departs from the odometer's; of the translation, in the same way, how firmly it holds the pose. An
-odometer that has never reported any motion counts as missing. Without an odometer the robot is
-expected to make the same translation, in its own frame, as between the last two views that were
-surely matched. The farther it has moved of late, the more loosely this holds the pose.
+This is ours. The thesis assumes a turn that is right to 5°, but the errors differ between robots
+and floors. So the motion between two matched views is compared with the odometer's. The running
+mean square of the turns' differences sets the cost of a turn that differs from the odometer's; that
+of the translations sets how firmly the odometer's translation holds the pose. An odometer that has
+never reported any motion counts as missing. Without an odometer the robot is expected to make the
+same translation, in its own frame, as between the last two views with sure matches. The longer its
+recent translations were, the more loosely this expectation holds the pose.
 """
 
 from __future__ import annotations
@@ -19,31 +19,32 @@ from albot_core.mappers.albot1.perceptual_map.frames import relative_pose
 from albot_core.matching.lines import wrap
 
 TURN, HAS_MOVED, LAST_X, LAST_Y, SHIFT = 0, 1, 2, 3, 4
-"""Places in a robot's row: mean square error of a turn (rad²), 1 once the odometer has reported a
-motion, the last translation by the views (m; the frame of the view before), and the mean square
-error of a translation along each axis (m²); without an odometer half the mean square length of the
-translation."""
+"""Elements of a robot's row: mean square error of a turn (rad²); 1 once the odometer has reported a
+motion; the last translation by the views (m; the frame of the previous view); and the mean square
+error of a translation along each axis (m²), or, without an odometer, half the mean square length of
+the translation."""
 UNSIGNED = [TURN, HAS_MOVED, SHIFT]
-"""Those that are never below 0."""
+"""The elements that are never below 0."""
 ROW = 5
 """Length of a robot's row."""
 FIRST_TURN_ERROR = np.radians(5.0)
-"""Error (rad) of an odometer of which nothing is known yet, root mean square."""
+"""Initial root mean square error of a turn (rad)."""
 FIRST_SHIFT_ERROR = 0.05
-"""Likewise for a translation along each axis (m)."""
+"""Initial root mean square error of a translation along each axis (m)."""
 FIRST_TRANSLATION = 0.5
-"""Translation between two views (m) of a robot without an odometer of which nothing is known yet,
-root mean square along each axis."""
+"""Initial root mean square translation between two views along each axis, for a robot without an
+odometer (m)."""
 STILL = 1e-9
-"""A motion up to this (m, rad) is none but for rounding."""
+"""Motions up to this (m, rad) are rounding errors."""
 MEMORY = 30.0
-"""Errors are averaged over about so many views."""
+"""Number of views over which errors are averaged, approximately."""
 SHIFT_SCALE = 2.0
-"""The odometer's translation is held on a scale of so many times its errors of late."""
+"""Ratio of the standard deviation of the expected translation to the learnt root mean square
+error."""
 
 
 def unknown_odometer() -> np.ndarray:
-    """A robot's row (ROW,) before its first view."""
+    """Return a robot's row (ROW,) before its first view."""
     row = np.zeros(ROW)
     row[TURN] = FIRST_TURN_ERROR**2
     row[SHIFT] = FIRST_TRANSLATION**2
@@ -52,19 +53,19 @@ def unknown_odometer() -> np.ndarray:
 
 @kernel()
 def turn_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
-    """The scale (rad) on which a turn costs votes that departs from the odometer's."""
+    """Return the scale (rad) for the cost of a turn that differs from the odometer's."""
     return float(max(limits.turn_scale * np.sqrt(odometer[TURN]), limits.turn_cost))
 
 
 @kernel()
 def shift_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
-    """The standard deviation (m) by which the expected translation holds the pose."""
+    """Return the standard deviation (m) with which the expected translation holds the pose."""
     return float(max(SHIFT_SCALE * np.sqrt(odometer[SHIFT]), limits.motion_error))
 
 
 @kernel()
 def note_motion(odometer: np.ndarray, motion: np.ndarray) -> None:
-    """Note whether the odometer has ever reported a motion; its translations' error starts then."""
+    """Record the odometer's first motion, at which its error of translation is reset."""
     if odometer[HAS_MOVED] > 0.0:
         return
     if abs(motion[0]) > STILL or abs(motion[1]) > STILL or abs(motion[2]) > STILL:
@@ -84,10 +85,10 @@ def learn_error(
     is_sure: bool,
     was_misread: bool,
 ) -> None:
-    """Learn from where the views led, from one pose to another, and the odometer's `motion`.
+    """Learn from the motion between two matched poses and the odometer's `motion`.
 
-    Nothing is learnt of a match that is not sure. If the previous view `was_misread`, nor is where
-    the robot goes on to: one such view must not send it on in a wrong direction.
+    Nothing is learnt from a match that is not sure. If the previous view `was_misread`, the last
+    translation is not updated, so that one such view does not lead the robot in a wrong direction.
     """
     if not is_sure:
         return

@@ -1,6 +1,6 @@
-"""What of the map a view covers, and which of its surfaces is the same wall (algorithm 3).
+"""Geometry of algorithm 3: what a view covers, and which surfaces show the same wall.
 
-Compiled. All surfaces are in the map's frame (m); `in_map` (n, 4) are those of the view.
+All surfaces are in the map's frame (m); `in_map` (n, 4) are those of the view. Compiled.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from albot_core.matching.lines import line_length
 
 @kernel(arrays=True)
 def view_boundary(in_map: np.ndarray, pose: np.ndarray, with_robot: bool) -> np.ndarray:
-    """The view's boundary (corners, 2): its surfaces' ends in the order seen (Alg. 3, line 7).
+    """Return the view's boundary (corners, 2), its surfaces' ends in order (Alg. 3, line 7).
 
-    The thesis joins the ends alone. With `with_robot` the robot's own place is a corner, too.
+    The thesis joins the ends alone. With `with_robot` the robot's position is a corner, too.
     """
     count = in_map.shape[0]
     polygon = np.empty((2 * count + 1, 2))
@@ -25,13 +25,13 @@ def view_boundary(in_map: np.ndarray, pose: np.ndarray, with_robot: bool) -> np.
         polygon[2 * k, 0], polygon[2 * k, 1] = in_map[k, 0], in_map[k, 1]
         polygon[2 * k + 1, 0], polygon[2 * k + 1, 1] = in_map[k, 2], in_map[k, 3]
     polygon[2 * count, 0], polygon[2 * count, 1] = pose[0], pose[1]
-    # A view of nothing still has the place that it is seen from.
+    # An empty view still has the position from which it was taken.
     return polygon if with_robot or count == 0 else polygon[: 2 * count]
 
 
 @kernel()
 def box_around(polygon: np.ndarray, margin: float, box: np.ndarray) -> None:
-    """Write the box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
+    """Write the bounding box (x_min, y_min, x_max, y_max) of the polygon, enlarged by `margin`."""
     box[0] = box[1] = np.inf
     box[2] = box[3] = -np.inf
     for i in range(polygon.shape[0]):
@@ -42,7 +42,7 @@ def box_around(polygon: np.ndarray, margin: float, box: np.ndarray) -> None:
 
 @kernel()
 def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y: float) -> bool:
-    """Whether a point is inside the polygon or within `margin` of its boundary.
+    """Return whether a point is inside the polygon or within `margin` of its boundary.
 
     `box` bounds all such points (x_min, y_min, x_max, y_max).
     """
@@ -53,13 +53,13 @@ def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y:
 
 @kernel()
 def _is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
-    """Whether a point is inside the polygon (even-odd rule)."""
+    """Return whether a point is inside the polygon (even-odd rule)."""
     inside = False
     corners = polygon.shape[0]
     ax, ay = polygon[corners - 1, 0], polygon[corners - 1, 1]
     for i in range(corners):
         bx, by = polygon[i, 0], polygon[i, 1]
-        # Does a ray from the point along +x cross the edge? Written without a division.
+        # Does a ray from the point along +x cross the edge? Computed without a division.
         if (by > y) != (ay > y) and ((x - bx) * (ay - by) < (ax - bx) * (y - by)) == (ay > by):
             inside = not inside
         ax, ay = bx, by
@@ -68,9 +68,9 @@ def _is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
 
 @kernel()
 def _is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> bool:
-    """Whether a point is within `margin` of the polygon's boundary (m)."""
+    """Return whether a point is within `margin` of the polygon's boundary (m)."""
     corners = polygon.shape[0]
-    # A little more than the margin, so that rounding passes over no edge.
+    # A little more than the margin, so that no edge is left out because of rounding.
     reach = margin + 1e-9
     ax, ay = polygon[corners - 1, 0] - x, polygon[corners - 1, 1] - y
     for i in range(corners):
@@ -85,7 +85,7 @@ def _is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> b
 
 @kernel()
 def _comes_near(polygon: np.ndarray, corner: int, margin: float, x: float, y: float) -> bool:
-    """Whether the polygon's edge that ends at a corner comes within `margin` of a point (m)."""
+    """Return whether the polygon's edge that ends at a corner is within `margin` of a point (m)."""
     before = corner - 1 if corner > 0 else polygon.shape[0] - 1
     ax, ay, bx, by = (
         polygon[before, 0],
@@ -102,9 +102,10 @@ def _comes_near(polygon: np.ndarray, corner: int, margin: float, x: float, y: fl
 def same_wall(
     old: np.ndarray, in_map: np.ndarray, is_used: np.ndarray, limits: Albot1Limits
 ) -> int:
-    """The surface of the view, of those not used, that shows the same wall as the old one, or -1.
+    """Return the unused surface of the view that shows the same wall as the old one, or -1.
 
-    The same wall: nearly the same direction, side by side or end to end, and the nearest.
+    It has nearly the same direction, lies beside the old one or end to end with it, and is the
+    nearest such surface.
     """
     length = line_length(old)
     x0, y0 = old[0], old[1]
@@ -132,10 +133,10 @@ def same_wall(
 def extend_surface(
     new: np.ndarray, old: np.ndarray, outer: int, keeps_end: bool, out: np.ndarray
 ) -> bool:
-    """Write the new surface drawn out to the old one's outer end; false where it reaches it.
+    """Write the new surface, extended to the old one's outer end; return whether it got longer.
 
-    With `keeps_end` it ends where the old one does. Without, it runs on in its own direction as
-    far as that: a short new surface then swings a long old wall about.
+    With `keeps_end` it ends at the old end. Without, it is extended in its own direction as far as
+    that end, so that a short new surface rotates a long old wall.
     """
     length = line_length(new)
     ux, uy = (new[2] - new[0]) / length, (new[3] - new[1]) / length
@@ -152,7 +153,7 @@ def extend_surface(
 
 @kernel()
 def bend_height(new: np.ndarray, drawn_out: np.ndarray, outer: int) -> float:
-    """Distance of the new surface's end `outer` from the straight line of `drawn_out` (m)."""
+    """Return the distance of the new surface's end `outer` from the line of `drawn_out` (m)."""
     dx, dy = drawn_out[2] - drawn_out[0], drawn_out[3] - drawn_out[1]
     x, y = new[2 * outer] - drawn_out[0], new[2 * outer + 1] - drawn_out[1]
     return float(abs(dx * y - dy * x) / np.sqrt(dx * dx + dy * dy))

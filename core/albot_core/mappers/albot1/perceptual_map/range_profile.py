@@ -1,8 +1,8 @@
-"""Range profiles: how far the nearest surface is in each direction, and the turn between two.
+"""Range profiles: the range of the nearest surface in each direction, and the turn between two.
 
-This is ours. The thesis supposes that the odometer's turn is right to 5°; in real logs it often is
+This is ours. The thesis assumes that the odometer's turn is right to 5°; in real logs it often is
 not. Two profiles are compared at every turn (correlative scan matching, in its simplest form), so
-that no line of one has to be told to be a line of the other. Compiled.
+that no lines have to be paired. Compiled.
 """
 
 from __future__ import annotations
@@ -12,47 +12,47 @@ import numpy as np
 from albot_core.kernels.compiled import kernel
 
 BINS = 120
-"""Directions in a profile, all around the robot."""
+"""Number of directions in a profile, all around the robot."""
 BIN = 2.0 * np.pi / BINS
-"""Angle between them (rad), and between the turns that are tried."""
+"""Angle between two directions (rad), and between two turns that are tried."""
 OFFSET = 0.37
-"""The first direction, in BINs, and what is added to a range (cm). Neither is 0: in generated
-worlds walls meet at round angles and distances, and would be in one bin or the next by chance."""
+"""The first direction, in BINs, and an offset added to each range (cm). Neither is 0: in generated
+worlds walls meet at round angles and distances, and rounding would decide the bin."""
 COSINES = np.cos(BIN * (np.arange(BINS) + OFFSET))
 SINES = np.sin(BIN * (np.arange(BINS) + OFFSET))
 SAME_RANGE = 50
-"""Ranges that differ by this (cm) do not agree at all…"""
+"""Ranges that differ by this (cm) or more do not agree at all…"""
 FARTHEST = 100_000.0
-"""Ranges are this at most (cm)."""
+"""Maximum range (cm)."""
 PENALTY = 1
-"""…and count so much against a turn, where equal ranges count 1 for it."""
+"""…and count this much against a turn, where equal ranges count 1 for it."""
 TURN_COST = 0.2
-"""What a turn costs by which the odometer is off by its scale is log 2 times this, in shares of
-agreeing directions: minus the logarithm of the density of Student's t, for an odometer that slips
-may be off by much."""
+"""A turn that differs from the odometer's by the scale of its errors costs log 2 times this, in
+shares of agreeing directions. The cost is minus the logarithm of the density of Student's t
+distribution, because an odometer that slips may be off by much."""
 MIN_OVERLAP = 7
-"""Fewer directions in which both profiles see a surface count as so many…"""
+"""The number of directions in which both profiles see a surface counts as at least this…"""
 MIN_SHARE = 0.5
-"""…and as this share of those in which the view does: a few directions agree by chance."""
+"""…and as at least this share of the view's: a few directions agree by chance."""
 DISTINCT = 2
-"""A turn that is taken takes those up to so many BINs beside it along: they lead to one pose."""
+"""A turn that is taken excludes the turns up to this many BINs beside it: they lead to one pose."""
 TURNS = BINS + 1
-"""Turns that may be scored, from -180° to 180°."""
+"""Number of turns that may be scored, from -180° to 180°."""
 UNSEEN_HERE, UNSEEN_THERE, UNSEEN = 1 << 20, 1 << 24, 1 << 18
-"""Ranges (cm) where the view and what is expected show no surface; both differ by more than the
-last from any range, and from each other."""
+"""Ranges (cm) in directions without a surface, in the view and in the expected profile; any two
+ranges of which one is of these differ by more than the last value, also these two."""
 
 
 @kernel()
 def fill_profile(walls: np.ndarray, unseen: int, profile: np.ndarray) -> int:
-    """Write the range (cm) of the nearest of the walls' rows in each direction; `unseen` for none.
+    """Write the range (cm) of the nearest wall in each direction, `unseen` where there is none.
 
-    Returns in how many directions a wall is seen.
+    Returns the number of directions in which a wall is seen.
 
-    Direction b is b BIN (rad) from the x axis of the walls' frame, in which the robot is at 0, 0;
-    all directions stand in the profile three times. Walls run counterclockwise as seen from there;
-    those that do not are seen from behind. Whole numbers, for their sums are the same in any order:
-    so the processor adds many at once.
+    Direction b is b BIN (rad) from the x axis of the walls' frame, in which the robot is at the
+    origin. The profile repeats all directions three times. Walls run counterclockwise as seen from
+    the robot; any others are seen from behind and left out. Ranges are integers, whose sums are the
+    same in any order, so that the processor can add many at once.
     """
     for b in range(BINS):
         profile[b] = unseen
@@ -80,9 +80,9 @@ def fill_profile(walls: np.ndarray, unseen: int, profile: np.ndarray) -> int:
 
 @kernel()
 def agreement(seen: np.ndarray, directions: int, expected: np.ndarray, turn: int) -> float:
-    """How well two profiles agree, the view's turned by so many BINs: 1 for equal ranges, or less.
+    """Return how well two profiles agree, the view's turned by `turn` BINs; 1 for equal ranges.
 
-    `directions` are those in which the view sees a wall.
+    `directions` is the number of directions in which the view sees a wall.
     """
     apart = both = 0
     for b in range(BINS):
@@ -95,7 +95,7 @@ def agreement(seen: np.ndarray, directions: int, expected: np.ndarray, turn: int
 
 @kernel()
 def turn_cost(turn: float, scale: float) -> float:
-    """What a turn costs that differs by so much from the odometer's (rad; see TURN_COST)."""
+    """Return the cost of a turn (rad) by its difference from the odometer's (see TURN_COST)."""
     turned = turn / scale
     return float(TURN_COST * np.log1p(turned * turned))
 
@@ -112,8 +112,8 @@ def score_turns(
 ) -> None:
     """Write each turn's score, its agreement less its cost, to `scores` (TURNS,).
 
-    The turn (rad) is what to add to the expected one; -inf stands for turns beyond `widest`, and
-    for those whose cost alone puts them farther than `nearly` below the best score.
+    A turn (rad) is what to add to the expected one. The score is -inf for turns beyond `widest`,
+    and for those whose cost alone puts them farther than `nearly` below the best score.
     """
     bins = min(int(widest / BIN), BINS // 2)
     for place in range(TURNS):
@@ -132,7 +132,7 @@ def score_turns(
 
 @kernel()
 def take_likeliest(scores: np.ndarray) -> tuple[int, float]:
-    """The best score's place, and the score; it and those beside it (DISTINCT) become -inf."""
+    """Return the index of the best score, and the score; set it and those beside it to -inf."""
     best, score = 0, scores[0]
     for place in range(1, TURNS):
         if scores[place] > score:
@@ -144,5 +144,5 @@ def take_likeliest(scores: np.ndarray) -> tuple[int, float]:
 
 @kernel()
 def turn_at(place: int) -> float:
-    """The turn (rad) whose score stands at a place."""
+    """Return the turn (rad) whose score has the given index."""
     return float((place - BINS // 2) * BIN)

@@ -1,8 +1,8 @@
-"""The local submap: the walls in view, and those remembered nearby or seen by the last view.
+"""The local submap: the walls in view, and those remembered nearby or seen in the previous view.
 
-Both are rows (`lines.measure`) as seen from where the robot is expected to be: a wall's ends x1,
-y1, x2, y2 (m), its length (m), a place for its heading, and the unit vector along it; in the view
-also how far away the two ends are (m). Compiled.
+All walls are rows (`lines.measure`) relative to the robot's expected pose: a wall's ends x1, y1,
+x2, y2 (m), its length (m), an element for its heading, and the unit vector along it; for walls in
+view also the distances of the two ends from the robot (m). Compiled.
 """
 
 from __future__ import annotations
@@ -36,44 +36,48 @@ from albot_core.matching.lines import beside, measure, moved_ends
 from albot_core.sensing.beam_model import BeamModel
 
 REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
-"""A wall this near to one of an earlier visit (m), and turned no more (15°, by its cosine), may be
-it: so far a map drifts on its way round. It counts for a loop-closure candidate and no more."""
+"""A wall may be one of an earlier visit if it is within this distance of it (m) and turned by at
+most this angle (15°, by its cosine), because a map drifts on a loop. Such a wall counts for a
+loop-closure candidate, and for nothing else."""
 
 
 class MatchBuffers(NamedTuple):
-    """Scratch buffers in which views are matched with what is expected, one view after another."""
+    """Scratch buffers for matching views with the expected walls, one view after another."""
 
     seen: np.ndarray
     """(views' room, 10) float64: the rows of the walls in view."""
     slots: np.ndarray
     """(room,) int64: the slots of the walls remembered."""
     expected: np.ndarray
-    """(room + views' room, 8) float64: their rows; after them those of the last view's walls."""
+    """(room + views' room, 8) float64: rows of the remembered walls, then of the last view's
+    walls."""
     table: np.ndarray
-    """(8, room + views' room or a few more) float64: the same for `near_walls`, a column a wall."""
+    """(8, room + views' room or a few more) float64: the same walls as columns, for
+    `near_walls`."""
     near: np.ndarray
-    """(room + views' room,) int64: of those, the walls with which one in view is compared."""
+    """(room + views' room,) int64: the walls among them that one wall in view is compared with."""
     landmarks: np.ndarray
-    """(views' room, 2) int64: see `submap_matching`."""
+    """(views' room, 2) int64: the landmarks recognised (see ROW and SIDE in `submap_matching`)."""
     profiles: np.ndarray
-    """(2, 3 BINS) int32: range profiles of the view and of what is expected."""
+    """(2, 3 BINS) int32: range profiles of the view and of the expected walls."""
 
 
 class ViewPair(NamedTuple):
-    """A view to be matched, the one before it, and the way between them."""
+    """A view to be matched, the previous view, and the motion between them."""
 
     previous: LocatedView
     current: LocatedView
     seen: np.ndarray
     """(n, 10) float64: the rows of the walls in view."""
     directions: int
-    """In how many directions the view sees a wall; its profile is the first in the buffers."""
+    """Number of directions in which the view sees a wall; its profile is the first in the
+    buffers."""
     motion: np.ndarray
     """(3,) float64: the motion between the two, by the odometer (m, rad; the previous frame)."""
     odometer: np.ndarray
-    """(ROW,) float64: what has been learnt of it (see `odometer_error`)."""
+    """(ROW,) float64: the learnt errors of the odometer (see `odometer_error`)."""
     turn_scale: float
-    """The scale of its errors of turn (rad)."""
+    """The scale of the odometer's turn errors (rad)."""
     limits: Albot1Limits
     beam_model: BeamModel
     buffers: MatchBuffers
@@ -81,7 +85,7 @@ class ViewPair(NamedTuple):
 
 @kernel(arrays=True)
 def make_match_buffers(views: int, capacity: int) -> MatchBuffers:
-    """Buffers for views of so many surfaces and maps of such a capacity."""
+    """Return buffers for views of up to `views` surfaces and maps of the given capacity."""
     room = 2 * capacity + 1
     return MatchBuffers(
         np.empty((views, 10)),
@@ -104,7 +108,7 @@ def pair_views(
     beam_model: BeamModel,
     buffers: MatchBuffers,
 ) -> ViewPair:
-    """Describe the walls of the view, and its profile; return it with the view before it."""
+    """Write the rows of the view's walls and its profile; return it with the previous view."""
     seen = buffers.seen[: describe_seen(current, buffers)]
     directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
     scale = turn_scale(odometer, limits)
@@ -115,7 +119,7 @@ def pair_views(
 
 @kernel()
 def describe_seen(current: LocatedView, buffers: MatchBuffers) -> int:
-    """Describe the walls of the view, in its order; how many."""
+    """Write the rows of the view's walls, in the view's order; return their number."""
     for k in range(current.size[0]):
         row = buffers.seen[k]
         measure(current.surfaces[k], row)
@@ -130,7 +134,7 @@ _from_here, _box, _motion = scratch(4), scratch(4), scratch(3)
 def describe_previous(
     previous: LocatedView, motion: np.ndarray, first: int, buffers: MatchBuffers
 ) -> int:
-    """Describe the previous view's walls after a motion, from row `first`; the row after them."""
+    """Write the previous view's walls after a motion, from row `first`; return the next row."""
     ends = _from_here()
     cos, sin = np.cos(motion[2]), np.sin(motion[2])
     for i in range(previous.size[0]):
@@ -141,9 +145,9 @@ def describe_previous(
 
 @kernel()
 def describe_nearby(pm: PerceptualMap, pair: ViewPair) -> tuple[int, int]:
-    """Describe all that may be in view: what the map holds nearby, and the previous view's walls.
+    """Write the rows of all walls that may be in view: those in the map, and the previous view's.
 
-    Returns how many walls are remembered, and how many there are with the previous view's.
+    Returns the number of remembered walls, and the number of all walls.
     """
     box, ends, pose, buffers = _box(), _from_here(), pair.current.pose, pair.buffers
     _box_around_view(pose, pair.seen, pair.limits, box)
@@ -163,7 +167,7 @@ def describe_nearby(pm: PerceptualMap, pair: ViewPair) -> tuple[int, int]:
 def _box_around_view(
     pose: np.ndarray, seen: np.ndarray, limits: Albot1Limits, box: np.ndarray
 ) -> None:
-    """Write the box in which what is seen from a pose may be remembered (map frame)."""
+    """Write the box of the map in which walls seen from a pose may be remembered (map frame)."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     box[0], box[1], box[2], box[3] = pose[0], pose[1], pose[0], pose[1]
     for k in range(seen.shape[0]):
@@ -183,7 +187,7 @@ def _box_around_view(
 def note_reobserved(
     pm: PerceptualMap, pair: ViewPair, remembered: int, correction: np.ndarray
 ) -> None:
-    """Count the remembered surfaces of earlier visits that may be in view, each for its visit."""
+    """Count the remembered surfaces of earlier visits that may be in view, for their visits."""
     seen, limits = pair.seen, pair.limits
     slots, expected = pair.buffers.slots, pair.buffers.expected
     cos, sin = np.cos(correction[2]), np.sin(correction[2])

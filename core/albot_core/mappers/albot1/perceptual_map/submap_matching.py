@@ -1,22 +1,22 @@
-"""Matching the view with the local submap: where the robot is, by all that is nearby. Compiled.
+"""Matching of a view with the local submap: the pose by all walls nearby. Compiled.
 
 This is ours, in place of algorithms 1 and 2. The thesis follows landmarks from view to view under
-the odometer's turn, which it supposes to be right to 5°, and one landmark localises the robot. In
-real logs the turn often is not so good. Here
+the odometer's turn, which it assumes to be right to 5°, and one landmark localises the robot. In
+real logs the turn is often worse. Here
 
-1. the range profiles of the two views tell the turns under which they agree best,
-2. what the map holds nearby, and the last view, are what the view may lie on,
-3. Gauss-Newton steps on the pose draw together landmarks, by their occluding and corner points,
-   and points along all walls with the nearest wall: iterative closest points, with the distance
-   from a line (Censi, "An ICP variant using a point-to-line metric", 2008).
+1. the range profiles of the two views give the turns under which the views agree best,
+2. the view is matched with the walls in the map nearby and those of the previous view,
+3. Gauss-Newton steps on the pose move landmarks onto each other, by their occluding and corner
+   points, and points along all walls onto the nearest wall: iterative closest points with the
+   distance from a line (Censi, "An ICP variant using a point-to-line metric", 2008).
 
-How sure a match is decides how widely to search. Where two turns are about as likely both are
-aligned; where little of the view is explained, the odometer's motion is, and motions farther off
-are, one after another. Without an odometer all motions found are aligned as long as no match is
-sure; then only those that are about as likely as the likeliest. Where such a robot seems to stand
-as it stood before, none is looked for.
+The certainty of a match decides how widely to search. Where two turns are about equally likely,
+both are aligned. Where little of the view is explained, the odometer's motion is aligned as well,
+and then motions farther from it, one after another. Without an odometer all motions found are
+aligned as long as no match is sure; after that only those about as likely as the likeliest. Where
+such a robot seems to stand still, no motion is searched.
 
-Only what is remembered around the robot takes part, and nothing remembered is corrected.
+Only walls remembered around the robot take part, and no remembered wall is corrected.
 """
 
 from __future__ import annotations
@@ -64,38 +64,39 @@ from albot_core.sensing.beam_model import BeamModel, variance_across
 from albot_core.sensing.view import NO_EDGE
 
 SAME_WORTH = 1e-6
-"""A motion must be better by more, so that rounding does not choose between two as good."""
+"""A motion must be better by more than this, so that rounding does not choose between two
+equals."""
 PROFILE_WEIGHT = 0.5
-"""How much the profiles' agreement at an aligned pose counts, where the share of the view that is
-explained there counts 1."""
+"""Weight of the profiles' agreement at an aligned pose; the share of the view that is explained
+there has weight 1."""
 ROUNDS, CONVERGED = 5, 1e-4
-"""Gauss-Newton steps at the most, each after matching anew, and a step too small to go on (m,
-rad)."""
+"""Maximum number of Gauss-Newton steps, each after a new matching; and the size below which a step
+is the last (m, rad)."""
 WIDEN, NARROWING = 2.0, 0.5
-"""In the first step points are matched at so many times the distance, and so many times as
-doubtful; in each later one at so much of that, down to the usual."""
+"""In the first step the distance at which points are matched, and their standard deviation, are
+this many times the final ones; each later step multiplies them by the second value, down to 1."""
 POINT_SPACING = 0.247
-"""Walls are matched at points so far apart (m). It is not round, as the lengths of generated walls
-are: whether these have one point more would be chance…"""
+"""Distance between the points at which walls are matched (m). It is not round, because the lengths
+of generated walls are, and rounding would decide whether they have one point more…"""
 MAX_POINTS = 80.0
-"""…or farther, so that there are hardly more of them."""
+"""…and it grows, so that there are hardly more points than this."""
 POINT_GAP = 0.5
-"""A point is matched to a wall no farther than this (m)…"""
+"""A point is matched to a wall at most this far away (m)…"""
 POINT_END = 0.05
-"""…nor farther beyond its ends (m)…"""
+"""…at most this far beyond its ends (m)…"""
 POINT_COSINE = np.cos(np.radians(30.0))
-"""…nor turned by more than this (30°, by its cosine)."""
+"""…and turned by at most this (30°, by its cosine)."""
 POINT_SCALE, POINT_NOISE = 0.08, 0.03
-"""Residual (m) at which a point has half its weight (Cauchy weights), and its standard
-deviation."""
+"""Residual (m) at which a point has half its weight (Cauchy weights), and a point's standard
+deviation (m)."""
 POINT_WEIGHT = 0.5
-"""Weight of a point that is well known (`beams_wanted`): neighbouring points of a wall err
-together."""
+"""Weight of a point whose position is well known (`beams_wanted`): the errors of neighbouring
+points of a wall are correlated."""
 NO_BEAMS = 1e-9
-"""Fewer beams than this are as good as none: the wall's line leads to the laser."""
+"""Lower bound on a number of beams, for a wall whose line leads to the laser."""
 ROW, SIDE = 0, 1
-"""Columns of `landmarks`, one row a wall in view: the row of `expected` that it is recognised as,
-or -1, and by which end."""
+"""Columns of `landmarks`, one row for each wall in view: the row of `expected` that it is
+recognised as, or -1, and the end by which it is."""
 
 _correction, _chosen, _start = scratch(3), scratch(3), scratch(3)
 _trial, _there, _moved = scratch(3), scratch(3), scratch(3)
@@ -106,8 +107,8 @@ _scores, _shifts, _turns = scratch(TURNS), scratch(TURNS, 2), scratch(BY_TURN)
 def match_submap(pm: PerceptualMap, pair: ViewPair) -> tuple[int, float]:
     """Move the current view's pose from where its motion leads to where the remembered walls say.
 
-    Sets the view's `slots` for the landmarks recognised there; returns their number, and the share
-    of the walls in view that lies on what is expected there.
+    Sets the view's `slots` for the landmarks recognised there. Returns their number, and the share
+    of the walls in view that lies on expected walls.
     """
     pose, limits, is_missing = pair.current.pose, pair.limits, pair.odometer[HAS_MOVED] == 0.0
     correction, chosen, start, trial = _correction(), _chosen(), _start(), _trial()
@@ -128,13 +129,13 @@ def match_submap(pm: PerceptualMap, pair: ViewPair) -> tuple[int, float]:
         if not is_missing and k < BY_TURN:
             search.turns[k] = turn
         if k > 0 and aligned == 0:
-            # Only now, for mostly the first motion, which is always aligned, has no rival.
+            # Only now, because the first motion, which is always aligned, mostly has no rival.
             best = _worth(share, start, chosen, pair)
-        # Step 2: what is remembered nearby, and the last view.
+        # Step 2: the walls remembered nearby, and those of the previous view.
         compose_pose(pair.previous.pose, trial, pose)
         pose[2] = wrap(pose[2] + turn)
         remembered, total = describe_nearby(pm, pair)
-        # Step 3: the pose at which the view lies on it.
+        # Step 3: the pose at which the view lies on them.
         its_share = _align(pm, pair, trial, turn, remembered, total, correction)
         aligned = k
         if k > 0:
@@ -166,11 +167,11 @@ def _align(
     total: int,
     correction: np.ndarray,
 ) -> float:
-    """Step 3: find the correction of the current pose, where `motion` and a further turn lead.
+    """Compute the correction of the pose to which `motion` and a further turn lead (step 3).
 
-    Returns the share of the walls in view that lies on the `total` walls expected, of which the
-    first are `remembered`. The pose is held where it is, or, without an odometer, where the robot's
-    last translation would lead once more.
+    Returns the share of the walls in view that lies on the `total` expected walls, of which the
+    first are `remembered`. The pose is held where it is or, without an odometer, where the robot's
+    last translation would lead if repeated.
     """
     odometer, limits, buffers = pair.odometer, pair.limits, pair.buffers
     expected, wide, share = buffers.expected[:total], WIDEN, 0.0
@@ -201,11 +202,11 @@ def _align(
 
 @kernel()
 def _worth(share: float, start: np.ndarray, correction: np.ndarray, pair: ViewPair) -> float:
-    """How much speaks for the pose to which `start` and its correction lead.
+    """Return the score of the pose to which `start` and its correction lead.
 
-    That is the `share` of the view that is explained there, how well the profiles of the two views
-    agree, less what it costs that the odometer is so far off. The pose to which a match has led
-    counts, not the motion that it began with: from several the match comes to the same pose.
+    It is the `share` of the view that is explained there, plus the agreement of the two views'
+    profiles, minus the cost of the difference from the odometer. The matched pose counts, not the
+    motion with which the match began: matches of different motions may end at the same pose.
     """
     there, moved = _there(), _moved()
     compose_pose(start, correction, there)
@@ -218,7 +219,7 @@ def _worth(share: float, start: np.ndarray, correction: np.ndarray, pair: ViewPa
 def _recognise_landmarks(
     pm: PerceptualMap, pair: ViewPair, remembered: int, correction: np.ndarray
 ) -> int:
-    """Set the slots of the landmarks recognised where the pose and its correction lead."""
+    """Set the slots of the landmarks recognised at the corrected pose; return their number."""
     current, buffers = pair.current, pair.buffers
     turned = np.cos(correction[2]), np.sin(correction[2])
     found = match_landmarks(
@@ -242,11 +243,11 @@ def match_landmarks(
     limits: Albot1Limits,
     buffers: MatchBuffers,
 ) -> int:
-    """Match every landmark seen to the nearest point of one remembered; count them.
+    """Match every landmark in view to the nearest point of a remembered one; return their number.
 
-    `seen_edges` and `edges` are what the ends are of the surfaces seen, in the order of `seen`, and
-    of those in the map. The buffers hold the surfaces remembered (`table`, `slots`), and take the
-    `landmarks`.
+    `seen_edges` and `edges` are the kinds of the ends of the surfaces in view, in the order of
+    `seen`, and of those in the map. The buffers hold the remembered surfaces (`table`, `slots`);
+    `landmarks` is filled.
     """
     landmarks, table, slots, near = buffers.landmarks, buffers.table, buffers.slots, buffers.near
     least = (limits.landmark_cosine, limits.landmark_length, limits.landmark_gap)
@@ -282,7 +283,7 @@ def _pulled_by_landmarks(
     cos: float,
     sin: float,
 ) -> Equations:
-    """Add the equations that lay each landmark's point on the one it is recognised as."""
+    """Add the equations that move each landmark's point onto the one it is recognised as."""
     for k in range(seen.shape[0]):
         if landmarks[k, ROW] >= 0:
             wall, side = expected[landmarks[k, ROW]], landmarks[k, SIDE]
@@ -301,9 +302,9 @@ def _pulled_by_walls(
     cos: float,
     sin: float,
 ) -> tuple[Equations, float]:
-    """Add the equations that lay the points of walls on the nearest wall expected.
+    """Add the equations that move points along the walls onto the nearest expected wall.
 
-    Returns the share of the walls' length that lies on one, too.
+    Returns also the share of the walls' length that lies on an expected wall.
     """
     seen, beam_model, buffers = pair.seen, pair.beam_model, pair.buffers
     expected, near = buffers.expected[:total], buffers.near
@@ -326,7 +327,8 @@ def _pulled_by_walls(
             x, y = x0 + (part + 0.5) * step * ux, y0 + (part + 0.5) * step * uy
             nearest, which, off = gap, -1, 0.0
             for c in range(count):
-                # What is remembered comes first: the last view would let errors add up.
+                # Remembered walls take precedence: matching with the last view would let errors add
+                # up.
                 if which >= 0 and near[c] >= remembered:
                     break
                 wall = expected[near[c]]
@@ -348,10 +350,11 @@ def _pulled_by_walls(
 
 @kernel()
 def beams_wanted(square: float, aside: float, model: BeamModel) -> float:
-    """How little is known of POINT_SPACING of a wall: by how much its beams weigh too little.
+    """Return how many times too few beams hit POINT_SPACING of a wall.
 
-    It is 1 where they tell as much as one beam that meets a wall head on. `square` is the square of
-    its distance from the robot (m²), `aside` that of its line (m).
+    It is 1 where they carry as much information as one beam that hits a wall at a right angle.
+    `square` is the square of the point's distance from the robot (m²), `aside` the distance of the
+    wall's line (m).
     """
     beams_at_one_metre = POINT_SPACING * abs(aside) / model.spacing
     return float(variance_across(square, aside, model) / max(beams_at_one_metre, NO_BEAMS))

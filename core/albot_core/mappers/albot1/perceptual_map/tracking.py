@@ -1,9 +1,9 @@
 """Localising by several tracked landmarks at once, as `albot1-tracked` does. Compiled.
 
-This is ours, a step between the thesis and `albot1`. Landmarks are followed from view to view, as
-in the thesis, and a landmark's surface in the map is known by that alone: nothing in view is
-matched with the map. But the turn between two views is searched, and all recognised landmarks
-together localise the robot, by their points and their lines.
+This is ours, a step between the thesis and `albot1`. As in the thesis, landmarks are followed from
+view to view, which alone identifies their surfaces in the map: no view is matched with the map. But
+the turn between two views is searched, and all recognised landmarks localise the robot together, by
+their points and their lines.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_po
 from albot_core.matching.lines import describe, wrap
 
 ITERATIONS = 6
-"""Gauss-Newton steps."""
+"""Number of Gauss-Newton steps."""
 
 _scores = scratch(TURNS)
 
@@ -50,7 +50,7 @@ def search_turn(
     limits: Albot1Limits,
     buffers: MatchBuffers,
 ) -> float:
-    """The turn (rad) to add to the odometer's under which the two views agree best."""
+    """Return the turn (rad) to add to the odometer's under which the two views agree best."""
     seen = buffers.seen[: describe_seen(current, buffers)]
     directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
     total = describe_previous(previous, motion, 0, buffers)
@@ -66,8 +66,8 @@ def localize_jointly(
 ) -> None:
     """Move `current.pose` so that the recognised landmarks lie on their surfaces in the map.
 
-    `ends` (views' surfaces,) are the ends by which they were recognised. The pose before, to which
-    the odometer and the turn searched have led, holds the least squares as it does in `albot1`.
+    `ends` (views' surfaces,) are the ends by which they were recognised. The least squares hold the
+    pose at the initial one, given by the odometer and the searched turn, as in `albot1`.
     """
     room = current.size[0]
     seen, expected = np.empty((room, 10)), np.empty((room, 8))

@@ -1,4 +1,4 @@
-"""Views: when a scan is taken as one, and how, with its landmarks (algorithm 4, lines 2 to 4).
+"""Views: when a scan becomes one, and its surfaces and landmarks (algorithm 4, lines 2 to 4).
 
 Compiled.
 """
@@ -15,13 +15,13 @@ from albot_core.matching.lines import line_length
 from albot_core.sensing.view import NO_EDGE, ViewBuffers, ViewSettings, extract_surfaces
 
 SECTORS = 16
-"""A scan is compared with that of the last view by the nearest range in each of so many sectors."""
+"""Number of sectors of a scan; scans are compared by the nearest range in each sector."""
 SECTOR_CHANGE = 0.1
-"""A scan has changed where the nearest range in a sector has by more than this (m)."""
+"""A scan has changed if the nearest range in a sector has changed by more than this (m)."""
 FAR = 100.0
-"""A sector without an echo counts as if the nearest were so far away (m)."""
+"""Nearest range of a sector without an echo (m)."""
 STANDING = 0.005
-"""A robot stands if a reading reports a motion no larger than this (m, rad)."""
+"""A robot stands still if a reading reports a motion no larger than this (m, rad)."""
 
 
 @kernel()
@@ -33,12 +33,12 @@ def is_view_due(
     sectors: np.ndarray,
     limits: Albot1Limits,
 ) -> bool:
-    """Whether a scan is to be taken as a view, by the motion `since` the last one.
+    """Return whether a scan must become a view, by the motion `since` the last view.
 
-    Below `view_spacing` and `view_turn` it is only if the odometer cannot be believed: `albot1`,
-    which does without one, takes each scan as a view until the odometer has reported a motion
-    (`odometer`), and where the last `motion` is none and yet the scan is another than the last
-    view's (`sectors`).
+    Below `view_spacing` and `view_turn` it must only where the odometer cannot be trusted.
+    `albot1`, which works without an odometer, makes every scan a view until the odometer has
+    reported a motion (`odometer`). After that it does so where the last `motion` is zero although
+    the scan has changed since the last view (`sectors`).
     """
     square = since[0] * since[0] + since[1] * since[1]
     if square >= limits.view_spacing**2 or abs(since[2]) >= limits.view_turn:
@@ -56,7 +56,7 @@ _nearest = scratch(SECTORS)
 
 @kernel()
 def _has_changed(ranges: np.ndarray, sectors: np.ndarray) -> bool:
-    """Whether the nearest range in any sector differs from that of `sectors`."""
+    """Return whether the nearest range in any sector differs from that of `sectors`."""
     nearest, most = _nearest(), 0.0
     note_sectors(ranges, nearest)
     for k in range(SECTORS):
@@ -66,7 +66,7 @@ def _has_changed(ranges: np.ndarray, sectors: np.ndarray) -> bool:
 
 @kernel()
 def note_sectors(ranges: np.ndarray, sectors: np.ndarray) -> None:
-    """Write the nearest range in each sector (m), or FAR if nothing is nearer."""
+    """Write the nearest range in each sector (m), at most FAR."""
     beams = ranges.shape[0]
     for k in range(SECTORS):
         nearest = FAR

@@ -1,7 +1,7 @@
-"""What speaks against a hypothesis of where a lost robot is: the consistency check against places.
+"""Evidence against a hypothesis of a lost robot's position: the consistency check against places.
 
-Two things cannot be if it is right. A known wall is not missing where the view sees past it, and
-no wall is seen across a way that the robot has driven, or seen free. Compiled.
+If the hypothesis is right, a known wall cannot be missing where the view sees past it, and no wall
+can be seen across a way that the robot has driven or has seen to be free. Compiled.
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ from albot_core.mappers.albot1.perceptual_map.consistency import SPACING, TOLERA
 from albot_core.matching.lines import line_length
 
 BESIDE, PARALLEL = 0.25, np.cos(np.radians(15.0))
-"""A point lies on a wall that is so near (m) and turned no more (by the cosine)."""
+"""A point lies on a wall within this distance (m) whose direction differs by at most this angle
+(15°, by its cosine)."""
 REACH = 6.0
-"""Walls farther away are not told to be missing (m): there doorways are narrow."""
+"""Walls farther away than this cannot be missing (m), because doorways look narrow there."""
 
 
 @kernel(arrays=True)
 def share_missing(known: np.ndarray, view: np.ndarray, eye: np.ndarray, min_length: float) -> float:
-    """The share of known walls (n, 4) that are missing, of those that a view tells anything of.
+    """Return the share of missing walls among the known walls (n, 4) that a view can decide on.
 
-    Walls of at least `min_length` (m) are compared, piece by piece. A piece is there if it lies on
-    a wall of the view (m, 4). It is missing if the view, from the point `eye` (2,), sees past it.
+    Walls of at least `min_length` (m) are compared, piece by piece. A piece is present if it lies
+    on a wall of the view (m, 4). It is missing if the view, from the point `eye` (2,), sees past
+    it.
     """
     around = np.empty_like(view)
     for k in range(view.shape[0]):
@@ -48,7 +50,7 @@ def share_missing(known: np.ndarray, view: np.ndarray, eye: np.ndarray, min_leng
 
 @kernel()
 def count_across(seen: np.ndarray, known: np.ndarray, ways: np.ndarray, min_length: float) -> int:
-    """How many pieces of the walls seen (n, 4) lie across one of the ways (k, 4) known to be free.
+    """Return how many pieces of the walls seen (n, 4) lie across one of the free ways (k, 4).
 
     Walls of at least `min_length` (m) are compared. A piece that lies on a known wall (m, 4) does
     not count.
@@ -71,19 +73,19 @@ def count_across(seen: np.ndarray, known: np.ndarray, ways: np.ndarray, min_leng
 
 @kernel()
 def _pieces(length: float, min_length: float) -> int:
-    """How many pieces a wall has; 0 where it is too short."""
+    """Return the number of pieces of a wall; 0 if it is too short."""
     return max(int(length / SPACING), 1) if length >= min_length else 0
 
 
 @kernel()
 def _middle(part: int, length: float) -> float:
-    """How far along a wall the middle of a piece is (m)."""
+    """Return the distance of a piece's middle from the wall's first end (m)."""
     return (part + 0.5) / max(int(length / SPACING), 1) * length
 
 
 @kernel()
 def _lies_on(x: float, y: float, ux: float, uy: float, walls: np.ndarray) -> bool:
-    """Whether a point of a wall along (ux, uy) lies on one of walls (n, 4), seen from its side."""
+    """Return whether a point of a wall along (ux, uy) lies on one of `walls`, on the same side."""
     for wall in walls:
         length = line_length(wall)
         vx, vy = (wall[2] - wall[0]) / length, (wall[3] - wall[1]) / length

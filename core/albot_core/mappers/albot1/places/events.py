@@ -1,4 +1,4 @@
-"""What happened to the network of places, and why: each acceptance and refusal explained."""
+"""The events of the network of places: each acceptance and refusal, with its reasons."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from albot_core.matching.line_matching import LineMatch
 
 
 class EventKind(IntEnum):
-    """What can happen to the network."""
+    """The kinds of events."""
 
     SET_OUT = 0
     NEW = 1
@@ -27,65 +27,69 @@ class EventKind(IntEnum):
 
 
 SEEN_THROUGH_EXIT = -1
-"""A gate: a candidate without any re-observed surface, for it was one before the last exit."""
+"""Value of a gate: no surface needs to be re-observed, for the place was a candidate before the
+last exit."""
 STANDS_WITHIN = -2
-"""A gate: a candidate without any, for the robot seems to stand within the place."""
+"""Value of a gate: no surface needs to be re-observed, for the robot seems to stand in the
+place."""
 EVENT_COLUMNS = 16
-"""Numbers of an event: see the fields of `Event`."""
+"""Number of values of an event: see the fields of `Event`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened to the network."""
+    """A change of the network, or a refused one."""
 
     step: int
     """The view at which it happened, counted from 1."""
     kind: EventKind
-    """What happened."""
+    """The kind of event."""
     place: int
-    """The place that the robot believed to be in."""
+    """The place in which the robot believed to be."""
     other: int
-    """The place that it entered, or was thought to be in, or -1."""
+    """The place that the robot entered or that was compared; -1 for none."""
     reobserved: int = 0
-    """How many surfaces of an earlier visit to the other place were observed again."""
+    """Number of surfaces of an earlier visit to the other place that were observed again."""
     gate: int = 0
-    """More than how many make it a candidate; or SEEN_THROUGH_EXIT or STANDS_WITHIN."""
+    """The place is a candidate with more re-observed surfaces than this; or SEEN_THROUGH_EXIT or
+    STANDS_WITHIN."""
     matches: int = 0
-    """How many surfaces of the two places are the same."""
+    """Number of surfaces of the two places that match."""
     left: int = 0
-    """How many of these are to the left of the robot."""
+    """Number of them to the left of the robot."""
     right: int = 0
-    """How many are to its right."""
+    """Number of them to the right of the robot."""
     share: float = 0.0
-    """Which share of the smaller description they make up."""
+    """The share of the smaller description that matches."""
     gap: float = 0.0
-    """For an exit that was known: how far it was from where it was expected (m)."""
+    """For a known exit: its distance from where it was expected (m)."""
     nearest_in_sight: float = 0.0
-    """For places whose structure matches: what was weighed, this and the next (`Evidence`)."""
+    """For places whose structure matches: the evidence, here and in the next fields
+    (`Evidence`)."""
     visit_in_sight: float = 0.0
     misfit: float = 0.0
     through_doorway: float = 0.0
     probability: float = 0.0
-    """How probable it is that they are one; 0 where it was not asked."""
+    """The probability that the two places are one; 0 if it was not computed."""
 
     def row(self) -> Float64[np.ndarray, "columns"]:
-        """The event as numbers."""
+        """Return the event as numbers."""
         return np.array([getattr(self, name) for name in _FIELDS], float)
 
     @classmethod
     def of_row(cls, row: Float64[np.ndarray, "columns"]) -> Event:
-        """The event that `row` gave."""
+        """Return the event from the numbers that `row` returned."""
         whole = [int(number) for number in row[:9]]
         fields = dict(zip(_FIELDS, [*whole, *map(float, row[9:])], strict=True))
         fields["kind"] = EventKind(whole[1])
         return cls(**fields)  # type: ignore[arg-type]
 
     def __str__(self) -> str:
-        """One line that says what happened and why."""
+        """Return one line that says what happened and why."""
         return f"view {self.step}: {self._told()}"
 
     def _reason(self) -> str:
-        """Why the other place was a candidate."""
+        """Return why the other place was a candidate."""
         other = f"P{self.other + 1}"
         if self.gate == SEEN_THROUGH_EXIT:
             return f"{other} was in sight from the exit crossed"
@@ -95,7 +99,7 @@ class Event:
         return f"{met} met again, more than {self.gate}"
 
     def _structure(self) -> str:
-        """How the two places match."""
+        """Return how the two places match."""
         structure = (
             f"{many(self.matches, 'surface is', 'surfaces are')} the same ({self.left} to the "
             f"left, {self.right} to the right, {self.share:.0%} of the smaller description)"
@@ -140,7 +144,7 @@ class EventLog:
     """The latest events, the oldest first.
 
     Args:
-        kept: How many are remembered.
+        kept: Maximum number of events remembered.
         start: The id of the place that the robot set out from.
     """
 
@@ -149,7 +153,7 @@ class EventLog:
         self.events: list[Event] = [Event(step=1, kind=EventKind.SET_OUT, place=start, other=-1)]
 
     def add(self, event: Event) -> None:
-        """Add an event, and forget the oldest if they are too many."""
+        """Add an event, and forget the oldest if there are too many."""
         self.events.append(event)
         del self.events[: -self._kept]
 
@@ -164,7 +168,7 @@ class EventLog:
         gate: int = 0,
         **weighed: float,
     ) -> None:
-        """Add that two places were compared, how they matched, and what was weighed, if it was."""
+        """Add a comparison of two places: how they match, and the evidence if it was weighed."""
         self.add(
             Event(
                 step=step,
@@ -181,7 +185,7 @@ class EventLog:
         )
 
     def seen_through_exit(self) -> set[int]:
-        """Places refused as candidates in the visit before the present one, to a new place."""
+        """Return the places refused as candidates just before the robot left for a new place."""
         is_earlier, places = False, set()
         for event in reversed(self.events):
             if event.kind == EventKind.REFUSED:

@@ -1,17 +1,16 @@
-"""How probable it is that two places are one: the evidence for a loop closure, weighed.
+"""The probability that two places are one: the evidence for a loop closure, weighed.
 
-This is ours. Rooms are alike, and two rooms side by side share walls: from a doorway both are seen,
-and a place next door matches just where it is expected. So four things are weighed together: how
-much of the structure is the same, whether the robot stands in sight of where it has been in the
-other place, whether so does its way in the present visit, and how far the match lies from where it
-is expected. What hides a breadcrumb is a wall, an exit or a doorway between. A place that was often
-visited, and not recognised as the other, is probably a place of its own: otherwise every visit
-would be one more chance to take it for another.
+This is ours. Rooms look alike, and two rooms side by side share walls: from a doorway both are
+seen, and a place next door matches just where it is expected. So four things are weighed together:
+the share of the structure that matches, whether the robot stands in sight of its breadcrumbs in the
+other place, whether its way in the present visit does, and the distance of the match from where it
+is expected. A breadcrumb is hidden by a wall, an exit or a doorway in between. A place that was
+often visited, and not recognised as the other, is probably a different place: otherwise every visit
+would be one more chance to confuse the two.
 
 The weights are those of a logistic regression. The misfit counts as in Student's t distribution:
-mostly the map is where it is expected, but where it was aligned wrongly it is far off.
-docs/places.md says what they were fitted to; `albot experiment study place-evidence` fits them
-again.
+mostly the map is where it is expected, but after a wrong alignment it is far off. docs/places.md
+says what they were fitted to; `albot experiment study place-evidence` fits them again.
 """
 
 from __future__ import annotations
@@ -31,56 +30,57 @@ from albot_core.mappers.albot1.places.place import DEVIATIONS, LearnedPlace, Lin
 from albot_core.matching.line_matching import LineMatch
 
 PRIOR = -2.98
-"""Log odds of a candidate that has nothing for it."""
+"""Log odds of a candidate without any evidence for it."""
 OF_SHARE = 4.31
-"""Added if all of the smaller description is the same."""
+"""Added to the log odds if all of the smaller description matches."""
 OF_NEAREST = 2.63
-"""Added if all of the nearest breadcrumbs are in sight of the robot."""
+"""Added to the log odds if all of the nearest breadcrumbs are in sight of the robot."""
 OF_VISIT = 2.16
-"""Added if all of the present visit is in sight of breadcrumbs of the other place."""
+"""Added to the log odds if all of the present visit is in sight of the other place's
+breadcrumbs."""
 FREEDOM = 3.0
 """Degrees of freedom of the misfit's distribution."""
 NEAREST = 5
-"""So many of the breadcrumbs in the other place, the nearest to the robot, are looked for."""
+"""Number of breadcrumbs in the other place, the nearest to the robot, that are looked for."""
 UNKNOWN = 0.5
-"""The share in sight where no breadcrumb of the other place is left: it says nothing."""
+"""The share in sight if no breadcrumb of the other place is left, so that it is unknown."""
 LATEST = 32
-"""So many of the present visit's breadcrumbs are looked at, the latest."""
+"""Number of the present visit's breadcrumbs that are used, the latest ones."""
 DOORSTEP = 0.3
-"""Breadcrumbs nearer to an exit of their place than this (m), or up to 1 m beyond it, do not count:
-they are seen from next door."""
+"""Breadcrumbs nearer to an exit of their place than this (m), or up to 1 m beyond it, do not count,
+because they are seen from the next place."""
 BESIDE = 0.25
-"""Exits hide what is behind them so far beyond their ends, too (m): where a jamb is seen is
-uncertain."""
+"""Exits hide what is behind them up to this far beyond their ends (m), because the position of a
+jamb is uncertain."""
 NARROW, DOORWAY = 0.65, 1.35
-"""A gap between two walls in line is a doorway if it is no narrower and no wider than this (m)."""
+"""Minimum and maximum width of a doorway, a gap between two walls in line (m)."""
 ASIDE = 0.25
-"""A wall so near beside a gap fills it (m)."""
+"""A wall at most this far beside a gap fills it (m)."""
 MOST_DOORWAYS = 256
-"""So many doorways near the way are looked at."""
+"""Maximum number of doorways near the way that are used."""
 
 
 class Evidence(NamedTuple):
-    """What speaks for two places being one."""
+    """The evidence that two places are one."""
 
     share: float
-    """The share of the smaller description that is the same."""
+    """The share of the smaller description that matches."""
     nearest_in_sight: float
-    """The share of the breadcrumbs in the other place nearest to the robot that it has in sight."""
+    """The share of the other place's breadcrumbs nearest to the robot that are in its sight."""
     visit_in_sight: float
-    """The share of the present visit's breadcrumbs in sight of one in the other place."""
+    """The share of the present visit's breadcrumbs in sight of one of the other place's."""
     misfit: float
-    """How far the match is from where it is expected, in standard deviations of the drift."""
+    """The distance of the match from where it is expected, in standard deviations of the drift."""
     through_doorway: bool = False
-    """Whether the robot has come through a doorway in the present visit that it did not notice.
-    Then what it has seen is of two places, and is neither."""
+    """Whether the robot has come through a doorway in the present visit without noticing it. Then
+    what it has seen belongs to two places, and matches neither."""
     visits: int = 1
-    """How many visits to the present place are remembered, with this one. The odds are divided by
-    it, as in the rule of succession; it is not among what was fitted."""
+    """Number of remembered visits to the present place, including this one. The odds are divided by
+    it, as in the rule of succession; it was not part of the fit."""
 
     @property
     def probability(self) -> float:
-        """How probable it is that the two places are one."""
+        """The probability that the two places are one."""
         if self.through_doorway:
             return 0.0
         log_odds = (
@@ -95,14 +95,14 @@ class Evidence(NamedTuple):
 
     @property
     def weighed(self) -> dict[str, float]:
-        """What an event keeps of it, with the probability, by name."""
+        """The values that an event keeps, with the probability, by name."""
         numbers = dict(zip(self._fields, map(float, self), strict=True))
         del numbers["visits"]
         return numbers | {"probability": self.probability}
 
 
 def log_likelihood(misfit: float) -> float:
-    """How much less likely a misfit is than none, as a logarithm (Student's t distribution)."""
+    """Return the log likelihood of a misfit relative to none (Student's t distribution)."""
     return -0.5 * (FREEDOM + 1.0) * math.log1p(misfit * misfit / FREEDOM)
 
 
@@ -115,19 +115,19 @@ def weigh(
     exits: Lines,
     pose: Pose,
 ) -> Evidence:
-    """Weigh a match of the present place with another.
+    """Weigh a match of the present place with another place.
 
     Args:
         network: The network of places.
         match: How the structures match.
         place: The other place.
-        guess: Where its frame is expected in the map.
+        guess: The expected pose of the other place's frame in the map.
         seen: The surfaces of the map that were seen in the present visit (m).
-        exits: The exits that the robot remembers to have seen, in the map's frame (m).
-        pose: Where the robot is in the map.
+        exits: The remembered exits that the robot has seen, in the map's frame (m).
+        pose: The robot's pose in the map.
     """
     crumbs = network.breadcrumbs
-    # All as the match lays it, in the other place's frame.
+    # All in the other place's frame, as the match places it.
     to_place, from_graph = relative(match.pose, np.zeros(3)), relative(place.frame, np.zeros(3))
     here = relative(match.pose, pose)[:2]
     is_present = (crumbs.places == network.current) & (crumbs.readings >= network.stays[-1][0])
@@ -159,7 +159,7 @@ def weigh(
 
 
 def lengthened(exits: Lines) -> Lines:
-    """Exits (n, 4), BESIDE longer at both ends."""
+    """Return exits (n, 4) extended by BESIDE at both ends."""
     along = exits[:, 2:] - exits[:, :2]
     beside = BESIDE * along / np.hypot(*along.T)[:, None]
     return np.concatenate((exits[:, :2] - beside, exits[:, 2:] + beside), axis=1)
@@ -167,7 +167,7 @@ def lengthened(exits: Lines) -> Lines:
 
 @kernel(arrays=True)
 def on_doorstep(exits: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Which points (n, 2) of a place lie in an exit of it (k, 4), or just beyond."""
+    """Return which points (n, 2) of a place lie in one of its exits (k, 4), or just beyond."""
     found = np.zeros(points.shape[0], np.bool_)
     for k in range(points.shape[0]):
         for line in exits:
@@ -183,13 +183,13 @@ def on_doorstep(exits: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 @kernel(arrays=True)
 def share_in_sight(lines: np.ndarray, points: np.ndarray, others: np.ndarray) -> float:
-    """The share of points (n, 2) that have one of the others (m, 2) in sight.
+    """Return the share of points (n, 2) that have one of the others (m, 2) in sight.
 
-    In sight means that none of the lines (k, 4) lies between.
+    In sight means that none of the lines (k, 4) lies in between.
     """
     count, nearby, before = 0, 0, ZERO
     for point in points:
-        # What the last point saw, and what hid it, is likely to be so for the next.
+        # A point's neighbour is likely to see the same point, and to be hidden by the same line.
         for k in range(others.shape[0]):
             other = others[(nearby + k) % others.shape[0]]
             before = _line_between(lines, point, other, before)
@@ -201,7 +201,7 @@ def share_in_sight(lines: np.ndarray, points: np.ndarray, others: np.ndarray) ->
 
 @kernel()
 def _line_between(lines: np.ndarray, one: np.ndarray, other: np.ndarray, first: int) -> int:
-    """A line that lies between two points, looked for from `first` on; -1 for none."""
+    """Return a line that lies between two points, searched from index `first` on; -1 for none."""
     for k in range(lines.shape[0]):
         which = first + k if first + k < lines.shape[0] else first + k - lines.shape[0]
         if crosses_line(lines[which], one[0], one[1], other[0], other[1]):
@@ -211,7 +211,7 @@ def _line_between(lines: np.ndarray, one: np.ndarray, other: np.ndarray, first: 
 
 @kernel(arrays=True)
 def find_doorways(walls: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """The lines (m, 4) across the doorways near a way (n, 2): gaps between two walls in line."""
+    """Return the lines (m, 4) across doorways near a way (n, 2): gaps between two walls in line."""
     ends, line = np.empty((2 * walls.shape[0], 4)), np.empty(4)
     count, found = _ends_near(walls, way, ends), 0
     lines = np.empty((MOST_DOORWAYS, 4))
@@ -230,7 +230,7 @@ def find_doorways(walls: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 @kernel(arrays=True)
 def crosses_any(lines: np.ndarray, way: np.ndarray) -> bool:
-    """Whether a way (n, 2) crosses one of the lines (m, 4)."""
+    """Return whether a way (n, 2) crosses one of the lines (m, 4)."""
     for line in lines:
         for i in range(way.shape[0] - 1):
             if crosses_line(line, way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]):
@@ -240,9 +240,9 @@ def crosses_any(lines: np.ndarray, way: np.ndarray) -> bool:
 
 @kernel()
 def _is_filled(line: np.ndarray, walls: np.ndarray) -> bool:
-    """Whether a wall runs along a gap or across it, in the middle or halfway to its ends.
+    """Return whether a wall runs along a gap or across it, in the middle or halfway to its ends.
 
-    A description that has grown over a long time has walls twice, beside each other.
+    A description that has grown over a long time may hold a wall twice, side by side.
     """
     dx, dy = line[2] - line[0], line[3] - line[1]
     scale = ASIDE / np.sqrt(dx * dx + dy * dy)
@@ -258,9 +258,10 @@ def _is_filled(line: np.ndarray, walls: np.ndarray) -> bool:
 
 @kernel()
 def _ends_near(walls: np.ndarray, way: np.ndarray, ends: np.ndarray) -> int:
-    """Write the ends (n, 4) of walls that are near a way: where, and the direction of the wall.
+    """Write the ends (n, 4) of walls near a way: the end's position, and the wall's direction.
 
-    Returns how many. A wall is long enough to be one; near is within two widths of a doorway.
+    Returns their number. Only walls long enough to bound a gap count; near means within two widths
+    of a doorway.
     """
     count, reach = 0, 4.0 * DOORWAY * DOORWAY
     for k in range(walls.shape[0]):
@@ -283,9 +284,9 @@ def _ends_near(walls: np.ndarray, way: np.ndarray, ends: np.ndarray) -> int:
 
 @kernel()
 def _is_doorway(line: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether the line (4,) from one end of a wall to another closes a doorway.
+    """Return whether the line (4,) from one wall's end to another's closes a doorway.
 
-    Both walls run along the line, away from it.
+    Both walls must run along the line, away from it.
     """
     dx, dy = line[2] - line[0], line[3] - line[1]
     width = np.sqrt(dx * dx + dy * dy)

@@ -1,9 +1,9 @@
 """Exits: found in a view, remembered in the perceptual map, and crossed (section 4.1.1).
 
-An exit is a gap of doorway size, about 1 m. The thesis does not say how a gap is found in a view;
-here it is where a wall ends, another begins, and all that is seen between the two is farther than
-the straight line from the one to the other. Exits are part of the transient map: each is
-remembered where it was last seen, and what a later view shows to be shut is forgotten. Compiled.
+An exit is a gap of doorway size, about 1 m. The thesis does not say how a gap is found in a view.
+Here a gap is where a wall ends, another begins, and all surfaces seen between the two are farther
+away than the straight line between these two ends. Exits are part of the transient map: each is
+remembered where it was last seen, and forgotten if a later view shows it to be shut. Compiled.
 """
 
 from __future__ import annotations
@@ -22,47 +22,48 @@ from albot_core.matching.lines import line_length
 from albot_core.sensing.view import CORNER, OCCLUDING
 
 EXIT_RANGE = 6.0
-"""Gaps farther away are not looked at (m): there a beam is 10 cm from the next."""
+"""Gaps farther away than this are ignored (m): there neighbouring beams are 10 cm apart."""
 JAMB = 0.35
-"""A surface this short at a gap's side may be the wall's face in the gap (m)."""
+"""A surface at a gap's side that is shorter than this may be the wall's face in the gap (m)."""
 WALL = 0.25
-"""A wall beside a gap is at least this long (m)…"""
+"""Minimum length of a wall beside a gap (m)."""
 ASLANT = np.radians(30.0)
-"""…and turned no more than this from the line across the gap (rad)."""
+"""Maximum angle between such a wall and the line across the gap (rad)."""
 MAX_EXITS = 48
-"""Exits that a robot remembers; the farthest is forgotten for a new one."""
+"""Maximum number of exits that a robot remembers; the farthest is forgotten for a new one."""
 SEEN_EXIT_RANGE = 0.6
-"""Exits whose middles are nearer than this are one (m)."""
+"""Exits whose middles are nearer than this are one exit (m)."""
 NEARBY = 3.0
-"""When a place is left, exits farther away are forgotten (m)."""
+"""When the robot leaves a place, exits farther away than this are forgotten (m)."""
 THROUGH = 0.3
 """A robot has crossed an exit once it is this far beyond its line (m)."""
 FAR = 1.0
-"""It has crossed one that it does not see once it is this far beyond its line (m)…"""
+"""It has crossed an exit that it does not see once it is this far beyond its line (m)…"""
 WIDE = 3.0
-"""…unless it has gone so far aside before (m)."""
+"""…unless it has moved this far sideways before (m)."""
 ASIDE = 1.2
-"""An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
+"""An expected exit this near to a seen one is the same exit (m): the map may have drifted."""
 NOT_CROSSING, CROSSING_SEEN, CROSSING_EXPECTED = 0, 1, 2
-"""In `ExitMemory.counts[1]`: whether the robot stands in an exit whose line it has passed; in one
-that it has seen, or in one that is only expected."""
+"""Values of `ExitMemory.counts[1]`: the robot stands in no exit whose line it has passed; in one
+that it has seen; in one that is only expected."""
 
 
 class ExitMemory(NamedTuple):
     """The arrays of the exits that one robot remembers."""
 
     lines: np.ndarray
-    """(MAX_EXITS, 4) float64: their ends x1, y1, x2, y2 in the map's frame (m)."""
+    """(MAX_EXITS, 4) float64: the exits' ends x1, y1, x2, y2 in the map's frame (m)."""
     crossing: np.ndarray
-    """(5,) float64: the exit whose line the robot has passed, and from which side (-1, 1)."""
+    """(5,) float64: the exit whose line the robot has passed, and the side it came from (-1, 1)."""
     counts: np.ndarray
-    """(3,) int64: exits remembered; whether one is crossed (see NOT_CROSSING); exits expected."""
+    """(3,) int64: number of exits; state of the crossing (see NOT_CROSSING); number of exits
+    expected."""
     expected: np.ndarray
-    """(MAX_EXITS, 4) float64: where known exits of the present place should be, as `lines`."""
+    """(MAX_EXITS, 4) float64: expected positions of the present place's known exits, as `lines`."""
 
 
 def empty_exits() -> ExitMemory:
-    """The exits of a robot that has seen none."""
+    """Return the exits of a robot that has seen none."""
     return ExitMemory(
         np.zeros((MAX_EXITS, 4)), np.zeros(5), np.zeros(3, np.int64), np.zeros((MAX_EXITS, 4))
     )
@@ -70,14 +71,14 @@ def empty_exits() -> ExitMemory:
 
 @kernel()
 def find_exits(view: LocatedView, limits: Albot1Limits, lines: np.ndarray) -> int:
-    """Write the exits in view into `lines` (n, 4), in the robot's frame; return how many.
+    """Write the exits in view into `lines` (n, 4), in the robot's frame; return their number.
 
     An exit runs from the end of one surface to the beginning of a later one, right to left
     as the robot sees it, so that the robot is to its left.
     """
     found = 0
     for i in range(view.size[0] - 1):
-        # What hides nothing at its end can open only towards the next surface.
+        # A surface that hides nothing at its end can open only towards the next surface.
         last = view.size[0] if view.edges[i, 1] == OCCLUDING else i + 2
         for j in range(i + 1, last):
             if found == lines.shape[0]:
@@ -90,14 +91,14 @@ def find_exits(view: LocatedView, limits: Albot1Limits, lines: np.ndarray) -> in
 
 @kernel()
 def _opens(view: LocatedView, i: int, j: int) -> bool:
-    """Whether there may be a gap between the surfaces i and j: one hides what is behind it."""
+    """Return whether a gap is possible between surfaces i and j: one hides what is behind it."""
     right, left = view.edges[i, 1] == OCCLUDING, view.edges[j, 0] == OCCLUDING
     return bool(right or left if j == i + 1 else right and left)
 
 
 @kernel()
 def _measure_gap(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Albot1Limits) -> bool:
-    """Write the line (4,) across the gap between two surfaces. Returns whether it is an exit."""
+    """Write the line (4,) across the gap between two surfaces; return whether it is an exit."""
     right, left = _wall_at(view, i, 0), _wall_at(view, j, 1)
     px, py = view.surfaces[right, 2], view.surfaces[right, 3]
     qx, qy = view.surfaces[left, 0], view.surfaces[left, 1]
@@ -111,7 +112,7 @@ def _measure_gap(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Al
         return False
     if distance_left_of(px, py, qx, qy, 0.0, 0.0) < 0.0:
         return False
-    # All that is seen between the two must lie behind the line.
+    # All surfaces between the two must lie behind the line.
     for k in range(i + 1, j):
         for end in range(2):
             x, y = view.surfaces[k, 2 * end], view.surfaces[k, 2 * end + 1]
@@ -124,7 +125,7 @@ def _measure_gap(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Al
 
 @kernel()
 def _wall_at(view: LocatedView, k: int, side: int) -> int:
-    """The wall whose end a gap begins at, past the face that the wall has in the gap."""
+    """Return the wall whose end bounds a gap, past the face that the wall has in the gap."""
     beside = k - 1 if side == 0 else k + 1
     is_corner = 0 <= beside < view.size[0] and view.edges[k, side] == CORNER
     return beside if is_corner and line_length(view.surfaces[k]) < JAMB else k
@@ -132,7 +133,7 @@ def _wall_at(view: LocatedView, k: int, side: int) -> int:
 
 @kernel()
 def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
-    """Whether a surface is a wall that runs along the direction (dx, dy)."""
+    """Return whether a surface is a wall that runs along the direction (dx, dy)."""
     ux, uy = surface[2] - surface[0], surface[3] - surface[1]
     length = np.sqrt(ux * ux + uy * uy)
     along = abs(ux * dx + uy * dy) / (length * np.sqrt(dx * dx + dy * dy))
@@ -144,10 +145,10 @@ _along, _across, _seen, _in_map = scratch(4), scratch(4), scratch(16, 4), scratc
 
 @kernel()
 def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -> None:
-    """Remember the exits in view where they are seen now, and forget those seen to be shut."""
+    """Remember the exits in view at their present position, and forget those seen to be shut."""
     pose = view.pose
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    # Forget what is shut.
+    # Forget exits that are shut.
     k = 0
     while k < exits.counts[0]:
         line = exits.lines[k]
@@ -156,7 +157,7 @@ def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -
             _forget_exit(exits, k)
         else:
             k += 1
-    # Each exit in view takes the place of a remembered one nearby, or is a new one.
+    # Each exit in view replaces a remembered one nearby, or is a new one.
     seen, in_map = _seen(), _in_map()
     for k in range(find_exits(view, limits, seen)):
         transform_segment(pose, seen[k], in_map)
@@ -173,9 +174,9 @@ def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -
 
 @kernel()
 def _is_shut(line: np.ndarray, view: LocatedView, cos: float, sin: float) -> bool:
-    """Whether a surface of the view stands in the middle of a remembered exit.
+    """Return whether a surface of the view stands in the middle of a remembered exit.
 
-    It crosses the middle half of the exit's line, or, as a shut door does, runs along it.
+    The surface crosses the middle half of the exit's line or, as a shut door does, runs along it.
     """
     x = 0.5 * (line[0] + line[2]) - view.pose[0]
     y = 0.5 * (line[1] + line[3]) - view.pose[1]
@@ -196,7 +197,7 @@ def _is_shut(line: np.ndarray, view: LocatedView, cos: float, sin: float) -> boo
 
 @kernel()
 def nearest_exit(exits: ExitMemory, x: float, y: float) -> tuple[int, float]:
-    """The remembered exit with its middle nearest to a point, and how near (m)."""
+    """Return the remembered exit whose middle is nearest to a point, and its distance (m)."""
     best, which = np.inf, -1
     for k in range(exits.counts[0]):
         dx = 0.5 * (exits.lines[k, 0] + exits.lines[k, 2]) - x
@@ -209,7 +210,7 @@ def nearest_exit(exits: ExitMemory, x: float, y: float) -> tuple[int, float]:
 
 @kernel()
 def _farthest(exits: ExitMemory, x: float, y: float) -> int:
-    """The remembered exit farthest from a point."""
+    """Return the remembered exit farthest from a point."""
     best, which = -1.0, 0
     for k in range(exits.counts[0]):
         dx, dy = exits.lines[k, 0] - x, exits.lines[k, 1] - y
@@ -220,7 +221,7 @@ def _farthest(exits: ExitMemory, x: float, y: float) -> int:
 
 @kernel()
 def _forget_exit(exits: ExitMemory, k: int) -> None:
-    """Forget an exit; the last one takes its place in the list."""
+    """Forget an exit; the last exit takes its index in the list."""
     last = exits.counts[0] - 1
     for i in range(4):
         exits.lines[k, i] = exits.lines[last, i]
@@ -229,14 +230,15 @@ def _forget_exit(exits: ExitMemory, k: int) -> None:
 
 @kernel()
 def cross_exit(exits: ExitMemory, ax: float, ay: float, pose: np.ndarray) -> bool:
-    """Note the way from (ax, ay) to `pose`. Returns whether the robot got through an exit.
+    """Process the motion from (ax, ay) to `pose`; return whether the robot crossed an exit.
 
-    Its line is then in `exits.crossing`. A robot that has passed the line is through only when
-    it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
-    It also gets through known exits that it does not see, where they are expected: seen aslant, or
-    with something beside it, a doorway may not look like one. Then the robot must come FAR beyond
-    the line, and not WIDE aside first, as it would where the line lies in a corridor by error.
-    And it must pass no other exit, least of all one that it sees, which may be the one expected.
+    The exit's line is then in `exits.crossing`. A robot that has passed the line has crossed the
+    exit only when it is THROUGH beyond it, so that moving to and fro in a doorway does not cross it
+    often. The robot also crosses known exits that it does not see, where they are expected: a
+    doorway seen at a sharp angle, or with something beside it, may not look like one. Then the
+    robot must come FAR beyond the line, and must not move WIDE sideways first, as it would if the
+    line lay in a corridor by error. And it must pass no other exit, above all none that it sees,
+    which may be the expected one.
     """
     x, y, crossing, counts = pose[0], pose[1], exits.crossing, exits.counts
     if counts[1] != CROSSING_SEEN:
@@ -258,10 +260,11 @@ def cross_exit(exits: ExitMemory, ax: float, ay: float, pose: np.ndarray) -> boo
 
 @kernel()
 def _note_passed(exits: ExitMemory, ax: float, ay: float, x: float, y: float, what: int) -> None:
-    """Note as being crossed the exit nearest to (x, y), if any, that was passed on the way there.
+    """Start the crossing of the exit nearest to (x, y) among those that the motion there passes.
 
-    If `what` is CROSSING_SEEN, of the exits seen; if CROSSING_EXPECTED, of those expected and not
-    seen, but for the one being crossed: a robot that goes back through it has crossed nothing.
+    If `what` is CROSSING_SEEN, only exits seen are considered. If it is CROSSING_EXPECTED, only
+    those expected and not seen, except the one being crossed: a robot that goes back through it has
+    crossed nothing.
     """
     lines, count = exits.lines, exits.counts[0]
     if what == CROSSING_EXPECTED:
@@ -285,14 +288,14 @@ def _note_passed(exits: ExitMemory, ax: float, ay: float, x: float, y: float, wh
 
 @kernel()
 def _is_seen(exits: ExitMemory, line: np.ndarray) -> bool:
-    """Whether an exit is remembered about where one is expected."""
+    """Return whether an exit has been seen near an expected one."""
     _, away = nearest_exit(exits, 0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]))
     return bool(away < ASIDE)
 
 
 @kernel()
 def _is_being_crossed(exits: ExitMemory, line: np.ndarray) -> bool:
-    """Whether the robot stands in this exit."""
+    """Return whether the robot stands in this exit."""
     same = exits.counts[1] != NOT_CROSSING
     for i in range(4):
         same = same and exits.crossing[i] == line[i]
@@ -301,7 +304,7 @@ def _is_being_crossed(exits: ExitMemory, line: np.ndarray) -> bool:
 
 @kernel()
 def _is_aside(crossing: np.ndarray, x: float, y: float) -> bool:
-    """Whether a point is WIDE aside of an exit's middle."""
+    """Return whether a point is WIDE sideways of an exit's middle."""
     dx, dy = crossing[2] - crossing[0], crossing[3] - crossing[1]
     along = dx * (x - 0.5 * (crossing[0] + crossing[2])) + dy * (
         y - 0.5 * (crossing[1] + crossing[3])
@@ -310,16 +313,16 @@ def _is_aside(crossing: np.ndarray, x: float, y: float) -> bool:
 
 
 def expect_exits(exits: ExitMemory, lines: Segments) -> None:
-    """Expect exits at `lines` (n, 4; map frame, m), and no others; only the last MAX_EXITS."""
+    """Set the expected exits to `lines` (n, 4; map frame, m), only the last MAX_EXITS of them."""
     lines = lines[-MAX_EXITS:]
     exits.expected[: len(lines)] = lines
     exits.counts[2] = len(lines)
 
 
 def leave_exits(exits: ExitMemory, x: float, y: float) -> None:
-    """Forget the exits of the place left at (x, y), but those nearby: they are the new place's.
+    """Forget the exits of the place left at (x, y), except those nearby: the new place has them.
 
-    When the robot comes back they are seen again, and elsewhere if the map has drifted since.
+    When the robot comes back they are seen again, at other positions if the map has drifted since.
     """
     lines = exits.lines[: exits.counts[0]]
     away = np.hypot(*(0.5 * (lines[:, :2] + lines[:, 2:]) - (x, y)).T)

@@ -1,9 +1,9 @@
-"""Where a robot that was carried away may be, and how probable that is.
+"""Hypotheses of where a robot that was carried away may be, and their probabilities.
 
-This is ours. Such a robot may be anywhere: in a place that it knows, at one of many poses, or on
-ground that it has never seen. So each alignment of what it sees with what it knows is a
-hypothesis, and that it is none of them is one, too. Their odds are weighed against each other:
-where two alignments explain as much, neither is probable.
+This is ours. Such a robot may be anywhere: in a known place, at one of many poses, or on unknown
+ground. So each alignment of what it sees with what it knows is a hypothesis, and unknown ground is
+one more. Their odds are weighed against each other: if two alignments explain equally much, neither
+is probable.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from albot_core.geometry.types import Pose
 from albot_core.matching.line_matching import LineMatch
 
 PRIOR = -3.20
-"""Log odds of a hypothesis that has nothing for it, to unknown ground."""
+"""Log odds of a hypothesis without any evidence, relative to unknown ground."""
 OF_MATCH = 0.52
-"""Added for each surface that is the same."""
+"""Added to the log odds for each matching surface."""
 OF_SHARE = 1.98
-"""Added if all of the smaller description is the same."""
+"""Added to the log odds if all of the smaller description matches."""
 OF_MISSING = -18.74
-"""Added if all known walls that should be in view are missing."""
+"""Added to the log odds if all known walls that should be in view are missing."""
 OF_ACROSS = -0.94
-"""Added for each piece of a wall seen that lies across a way known to be free."""
+"""Added to the log odds for each piece of a seen wall that lies across a way known to be free."""
 
 
 class Hypothesis(NamedTuple):
-    """An alignment of what a lost robot has seen with a place that it knows."""
+    """An alignment of what a lost robot has seen with a known place."""
 
     place: int
     """The id of the place."""
     match: LineMatch
     """How their surfaces match."""
     map_to_graph: Pose
-    """Where the graph frame would lie in the map (m, rad)."""
+    """The resulting pose of the graph frame in the map (m, rad)."""
     missing: float
-    """The share of the known walls that are missing in view."""
+    """The share of missing walls among the known walls that should be in view."""
     across: int
-    """How many pieces of the walls seen since it is lost lie across ways known to be free."""
+    """Number of pieces of the walls seen since the robot is lost that lie across free ways."""
     probability: float = 0.0
-    """How probable it is, among all hypotheses."""
+    """The probability among all hypotheses."""
 
     @property
     def log_odds(self) -> float:
-        """Its log odds to unknown ground."""
+        """The log odds relative to unknown ground."""
         return (
             PRIOR
             + OF_MATCH * self.match.matches

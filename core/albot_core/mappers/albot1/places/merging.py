@@ -1,4 +1,4 @@
-"""Making two places one, and what that means for the exits of both and the places behind them."""
+"""Merging of two places into one, with the exits of both and the places behind them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from albot_core.mappers.albot1.places.place import (
 def merge_here(
     network: PlaceNetwork, step: int, other: LearnedPlace, frame: Pose, robot: Pose
 ) -> None:
-    """Merge the present place of a robot with another, whose frame lies at `frame` in the map."""
+    """Merge the robot's present place with another one, whose frame lies at `frame` in the map."""
     network.begin_leg(robot, is_aligned=True)
     here, mine = network.here, network.frame
     if other.id < here.id:
@@ -40,10 +40,10 @@ def merge_here(
 def _merge_places(
     network: PlaceNetwork, step: int, kept: LearnedPlace, gone: LearnedPlace, pose: Pose
 ) -> None:
-    """Make two places one; `pose` is where the frame of the one gone lies in the other's.
+    """Merge the place `gone` into `kept`; `pose` is that of its frame in the frame of `kept`.
 
-    An exit that both have leads to one place. If they have it lead to two, these are one as well
-    (Alg. 5, lines 12 and 13).
+    An exit that both places have leads to one place. If it leads to different places by the two
+    descriptions, these are merged as well (Alg. 5, lines 12 and 13).
     """
     kept.describe(transform_segments(pose, gone.surfaces), network.config)
     first = len(kept.exits)
@@ -65,9 +65,9 @@ def _merge_places(
 def _replace_place(
     network: PlaceNetwork, gone: LearnedPlace, kept: LearnedPlace, pose: Pose
 ) -> None:
-    """Let all that refers to the place gone refer to the one kept."""
+    """Make all references to the place `gone` refer to `kept`."""
     del network.places[gone.id]
-    # Where the frame of the one kept lay in the visits to the one gone.
+    # The pose of the kept frame in the map-to-graph transforms of visits to `gone`.
     moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
     network.breadcrumbs.move(network.breadcrumbs.places == gone.id, inverse(moved), kept.id)
     network.stays = [
@@ -81,7 +81,7 @@ def _replace_place(
 
 
 def _unite_exits(network: PlaceNetwork, step: int, place: LearnedPlace) -> bool:
-    """Make two exits of a place one that lie at one spot. Returns whether there were such."""
+    """Merge two exits of a place that lie at one spot; return whether there were such exits."""
     for later, door in enumerate(place.exits):
         earlier = place.exit_at(door.line, later)
         if earlier is None:
@@ -98,11 +98,11 @@ def _unite_exits(network: PlaceNetwork, step: int, place: LearnedPlace) -> bool:
 
 
 def _drop_double(network: PlaceNetwork, place: LearnedPlace) -> bool:
-    """Drop an exit that is another of its exits once more. Returns whether there was such.
+    """Drop an exit of the place that duplicates another one; return whether there was one.
 
-    This is ours. Places that are laid together after much drift have one doorway twice, in places
-    that differ by more than SAME_EXIT. Two exits between the same places are one if they are near
-    each other on either side.
+    This is ours. Places that are merged after much drift may have one doorway twice, at positions
+    that differ by more than SAME_EXIT. Two exits between the same two places are one if they are
+    near each other on either side.
     """
     for later, door in enumerate(place.exits):
         there = network.places[door.leads_to]
@@ -118,14 +118,14 @@ def _drop_double(network: PlaceNetwork, place: LearnedPlace) -> bool:
 
 
 def _drop_exit(network: PlaceNetwork, place: LearnedPlace, index: int) -> None:
-    """Take an exit out of a place's list; those after it move up, also for their partners."""
+    """Drop an exit from a place's list; later exits move up, also in their partners' references."""
     del place.exits[index]
     for moved in place.exits[index:]:
         network.places[moved.leads_to].exits[moved.exit_there].exit_there -= 1
 
 
 def _merge_behind(network: PlaceNetwork, step: int, mine: LearnedExit, theirs: LearnedExit) -> None:
-    """Merge the two places that one exit turned out to lead to."""
+    """Merge the two places to which one exit was found to lead."""
     first, second = sorted((mine, theirs), key=lambda door: door.leads_to)
     kept, gone = network.places[first.leads_to], network.places[second.leads_to]
     turn = gone.frame[2] - kept.frame[2]
@@ -140,5 +140,5 @@ def _merge_behind(network: PlaceNetwork, step: int, mine: LearnedExit, theirs: L
 
 
 def _are_joined(network: PlaceNetwork, one: int, other: int) -> bool:
-    """Whether an exit leads from the one place to the other."""
+    """Return whether an exit leads from one place to the other."""
     return any(door.leads_to == other for door in network.places[one].exits)

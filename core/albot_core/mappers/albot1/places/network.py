@@ -1,7 +1,7 @@
 """The network of places: remembering places visited (algorithms 5 and 7).
 
-`PlaceNetwork.remember_place` is the algorithm. Recognising a place by what it looks like
-(algorithms 6 and 8) is in `recognition`, making two places one in `merging`.
+`PlaceNetwork.remember_place` is the algorithm. `recognition` recognises a place by its appearance
+(algorithms 6 and 8), and `merging` merges two places.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs
 
 NO_LINES: Lines = np.empty((0, 4))
 START = 0
-"""The id of the place that the robot set out from; a place found to be it becomes it."""
+"""The id of the place that the robot set out from; a place merged with it gets its id."""
 STRAIGHT = np.radians(20.0)
-"""An exit is seen well enough to lay a place at it if it is turned less than this (rad)."""
+"""An exit fixes the place behind it only if its direction is known to within this angle (rad)."""
 
 
 class PlaceNetwork:
     """The places that one robot has visited and the exits between them.
 
-    The perceptual map drifts as it grows. So places stand in a frame of their own, the graph
-    frame: the map's as it was when they were learned. The map-to-graph transform says where the
-    graph frame lies in the map now, as far as the present place tells. It is set anew when a
-    known place is entered or recognised: this is the alignment of algorithms 7 and 8.
+    The perceptual map drifts as it grows. So places have a frame of their own, the graph frame: the
+    map's frame as it was when they were learned. The map-to-graph transform is the present pose of
+    the graph frame in the map, according to the present place. It is reset when a known place is
+    entered or recognised: this is the alignment of algorithms 7 and 8.
 
     Args:
         config: The thresholds.
-        breadcrumbs: Breadcrumbs no longer needed, whose arrays this network uses again.
+        breadcrumbs: Unused breadcrumbs, whose arrays this network uses again.
     """
 
     def __init__(self, config: PlacesConfig, breadcrumbs: Breadcrumbs | None = None) -> None:
@@ -65,46 +65,48 @@ class PlaceNetwork:
         self.places: dict[int, LearnedPlace] = {START: LearnedPlace(id=START, frame=np.zeros(3))}
         self.current = START
         self.lost_since = 0
-        """The visit that began where the robot was carried to, as long as it is lost; else 0."""
+        """The first visit since the robot was carried away, as long as it is lost; else 0."""
         self.hypotheses: tuple[Hypothesis, ...] = ()
-        """Where it may be, as last weighed; empty unless it is lost. Not stored."""
+        """The robot's possible positions, as last weighed; empty unless it is lost. Not stored."""
         self.version = 0
-        """Grows with every change."""
+        """Number that grows with every change."""
         self.log = EventLog(config.max_events, START)
         self.breadcrumbs = breadcrumbs or Breadcrumbs()
         self.breadcrumbs.clear()
         self.breadcrumbs.drop(START, np.zeros(3), np.empty((0, 4)))
         self.next_id = 1
         self.leg_start: Points = np.zeros(2)
-        """Where in the map the robot crossed an exit last, or was last aligned (m)."""
+        """The position where the robot last crossed an exit, or the map was last aligned (map
+        frame, m)."""
         self.way_before = 0.0
-        """How far it had come until then, in straight legs, since it was last aligned (m)."""
+        """Length of the travel from the last alignment to `leg_start`, in straight legs (m)."""
         self.compared_from: Pose = np.full(3, np.nan)
-        """Where the robot was at the last comparison in its present visit; NaN before the first."""
-        # Of each visit, counted from 1: its place, and the map-to-graph transform then.
+        """The robot's pose at the last comparison in its present visit; NaN before the first."""
+        # For each visit, counted from 1: its place, and its map-to-graph transform.
         self.visits: list[int] = [-1, START]
         self.visit_transforms: list[Pose] = [np.zeros(3), np.zeros(3)]
         self.reading = 0
-        """The number of the reading that is being taken in."""
-        # Of each stay in a place, in order: its first reading, and the place. None is forgotten.
+        """The number of the present reading."""
+        # For each stay in a place, in order: its first reading, and the place. No stay is
+        # forgotten.
         self.stays: list[tuple[int, int]] = [(0, START)]
 
     @property
     def here(self) -> LearnedPlace:
-        """The place that the robot believes to be in."""
+        """The place in which the robot believes to be."""
         return self.places[self.current]
 
     def match_reading(self, pose: Pose) -> int | None:
-        """The earlier reading that was taken nearest to where the robot is, in the same place.
+        """Return the earlier reading that was taken nearest to the robot's position, in its place.
 
-        It is one at which a breadcrumb was dropped on an earlier stay; where none of them is left,
-        one halfway through the first stay.
+        It is a reading of an earlier stay at which a breadcrumb was dropped; if none of these is
+        left, the reading halfway through the first stay.
 
         Args:
-            pose: Where the robot is in the map.
+            pose: The robot's pose in the map.
 
         Returns:
-            Its number; None where the robot has not been in the present place before.
+            The number of the reading; None if the robot has not been in the present place before.
         """
         if not self.is_familiar:
             return None
@@ -120,7 +122,7 @@ class PlaceNetwork:
         return None
 
     def place_at(self, reading: int) -> int:
-        """Id of the place where a reading was taken, as it believes now."""
+        """Return the id of the place where a reading was taken, by present belief."""
         return self.stays[bisect_right(self.stays, reading, key=lambda stay: stay[0]) - 1][1]
 
     @property
@@ -130,45 +132,45 @@ class PlaceNetwork:
 
     @property
     def frame(self) -> Pose:
-        """Where the present place's frame lies in the perceptual map."""
+        """The pose of the present place's frame in the perceptual map."""
         return compose(self.map_to_graph, self.here.frame)
 
     @property
     def home(self) -> Pose:
-        """Where the robot set out, in the perceptual map's frame as it is now."""
+        """The pose from which the robot set out, in the perceptual map's present frame."""
         return compose(self.map_to_graph, self.places[START].frame)
 
     @property
     def predicted_exits(self) -> Segments:
-        """The exits of the present place, aligned: where they should be in the map (m)."""
+        """The exits of the present place, aligned: their expected positions in the map (m)."""
         return transform_segments(self.frame, self.here.exit_lines)
 
     def in_graph_frame(self, pose: Pose) -> Pose:
-        """A pose in the map, in the graph frame. Compiled: every breadcrumb asks for it."""
+        """Return a pose of the map in the graph frame; compiled, as every breadcrumb needs it."""
         here = np.empty(3)
         relative_pose(self.map_to_graph, pose, here)
         return here
 
     def drop_breadcrumb(self, pose: Pose, walls: Segments) -> None:
-        """Note that the robot has come to a pose in the map, with these surfaces in view (m)."""
+        """Drop a breadcrumb at a pose of the map, with the given surfaces in view (m)."""
         here = self.in_graph_frame(pose)
         self.breadcrumbs.drop(self.current, here, walls, self.reading)
 
     def snapshot(self) -> Network:
-        """The network as users see it."""
+        """Return the network as users see it."""
         places = tuple(self.places[key].as_place() for key in sorted(self.places))
         return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
 
     def drift_at(self, pose: Pose) -> float:
-        """How far off what is known may be seen from a pose: the map may have drifted (m)."""
+        """Return how far from its expected position a known exit may be seen from a pose (m)."""
         return drift_after(self._way_to(pose) if self.config.expects_drift else 0.0)
 
     def _way_to(self, pose: Pose) -> float:
-        """How far it has come to a pose since the map was last aligned, in straight legs (m)."""
+        """Return the length of the travel since the last alignment, in straight legs (m)."""
         return self.way_before + float(np.hypot(*(pose[:2] - self.leg_start)))
 
     def begin_leg(self, pose: Pose, is_aligned: bool) -> None:
-        """Note that the robot crosses an exit at a pose, or that the map is aligned there."""
+        """Begin a leg at a pose where the robot crosses an exit, or where the map is aligned."""
         self.way_before = 0.0 if is_aligned else self._way_to(pose)
         self.leg_start = pose[:2].copy()
 
@@ -180,14 +182,14 @@ class PlaceNetwork:
         pose: Pose,
         exits: Lines = NO_LINES,
     ) -> None:
-        """Remember the place that is left as an exit is crossed (algorithms 5 and 7).
+        """Remember the place that the robot leaves by crossing an exit (algorithms 5 and 7).
 
         Args:
-            step: The view at which it was.
-            line: The exit, with the place that was left to its left, in the map's frame (m).
+            step: The view at which the exit was crossed.
+            line: The exit, with the place that the robot left to its left, in the map's frame (m).
             seen: The surfaces of the map that were seen in the visit that ends (m).
-            pose: Where the robot is in the map.
-            exits: The exits that it remembers to have seen, in the map's frame (n, 4; m).
+            pose: The robot's pose in the map.
+            exits: The remembered exits that the robot has seen, in the map's frame (n, 4; m).
         """
         local = in_frame(self.frame, line[None])[0]
         drift = self.drift_at(pose)
@@ -219,9 +221,9 @@ class PlaceNetwork:
         self._begin_visit(entered.id)
 
     def _unnoticed(self, line: Line, drift: float) -> LearnedExit | None:
-        """The exit that the robot comes out of, if it had gone next door unnoticed.
+        """Return the exit that the robot comes out of if it had entered the next place unnoticed.
 
-        This is ours. A place next door is laid at the exit that joins it to the present one.
+        This is ours. A neighbouring place is aligned at the exit that joins it to the present one.
         """
         local = in_frame(self.frame, line[None])[0]
         back = self.here.likeliest_exit(reversed_line(local), NO_LINES, drift)
@@ -238,14 +240,15 @@ class PlaceNetwork:
         return None
 
     def _partner(self, door: LearnedExit) -> LearnedExit:
-        """The same exit as the place behind it has it."""
+        """Return the same exit as the place behind it describes it."""
         return self.places[door.leads_to].exits[door.exit_there]
 
     def _return(self, step: int, door: LearnedExit, line: Line, pose: Pose) -> None:
-        """The robot comes out of a place into which it had gone unnoticed, by that exit of it.
+        """Enter the place behind `door`, an exit of a place that the robot had entered unnoticed.
 
-        This is ours. What it has seen since it last crossed an exit is of both places and cannot
-        be told apart, so neither is described by it. Its coming back makes the place a known one.
+        This is ours. The surfaces seen since the robot last crossed an exit belong to both places
+        and cannot be told apart, so they are added to neither description. The return makes the
+        place a known one.
         """
         self.visit_transforms[-1] = self.map_to_graph
         out_of = self._partner(door).leads_to
@@ -258,7 +261,7 @@ class PlaceNetwork:
         self._begin_visit(door.leads_to)
 
     def start_anew(self, step: int, seen: Segments, pose: Pose) -> None:
-        """Start anew, in a new place without exits: the robot is not where it believes to be.
+        """Start a new place without exits, because the robot is not where it believed to be.
 
         The arguments are those of `remember_place`.
         """
@@ -273,7 +276,7 @@ class PlaceNetwork:
             self.lost_since = len(self.visits) - 1
 
     def _close(self, seen: Segments) -> LearnedPlace:
-        """Combine what was seen with the description of the present place, and leave it."""
+        """Add what was seen to the description of the present place, which the robot leaves."""
         left = self.here
         left.describe(in_frame(self.frame, seen), self.config)
         self.visit_transforms[-1] = self.map_to_graph
@@ -294,13 +297,13 @@ class PlaceNetwork:
         self.version += 1
 
     def keep_visits(self, wanted: Bool[np.ndarray, "visits"]) -> Int64[np.ndarray, "visits"]:
-        """Forget all visits but those wanted, and those that the network needs.
+        """Forget all visits except those wanted and those that the network needs.
 
-        These are the first to each place, that from which on the robot is lost, and the present
-        one.
+        The network needs the first visit to each place, the one since which the robot is lost, and
+        the present one.
 
         Returns:
-            The new number of each visit, -1 where it is forgotten.
+            The new number of each visit, -1 if it is forgotten.
         """
         kept = wanted.copy()
         kept[[0, self.lost_since, -1]] = True
@@ -312,14 +315,14 @@ class PlaceNetwork:
         return numbers
 
     def _align(self, door: LearnedExit, line: Line) -> None:
-        """Lay the place behind an exit of the present one at it (algorithm 7, line 13).
+        """Align the place behind an exit of the present one at that exit (algorithm 7, line 13).
 
-        The thesis takes the exit seen as the reference for position and direction. A doorway
-        seen in passing gives its direction to some 10° only, and its place to the thickness of
-        the wall, for it is seen from either side; with something beside it, to half its
-        width. So the two places are laid together by what both remember of their exit, and the
-        exit seen counts only where it lies in the direction remembered. Where the map is about
-        right it is left alone.
+        The thesis takes the exit seen as the reference for position and direction. But a doorway
+        seen in passing gives its direction only to about 10°, and its position to the thickness of
+        the wall, because it is seen from either side; with something beside it, only to half its
+        width. So the two places are aligned by what both remember of their exit, and the exit seen
+        counts only if its direction is about the remembered one. A map that is about right is not
+        changed.
         """
         entered = self.places[door.leads_to]
         frame = compose(self.map_to_graph, entered.frame)
@@ -332,10 +335,10 @@ class PlaceNetwork:
             at = self._lay(at, target)
 
     def _lay(self, at: Points, target: Points) -> Points:
-        """Move the graph frame so that what is at a point of the map comes to be at the target.
+        """Translate the graph frame so that a point of the map comes to lie at the target.
 
         Returns:
-            Where it is then: where it was, if that is within the tolerance.
+            The point's new position: unchanged if it is within the tolerance.
         """
         if np.hypot(*(target - at)) < self.config.tolerance:
             return at

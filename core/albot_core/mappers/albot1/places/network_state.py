@@ -22,7 +22,7 @@ from albot_core.mappers.schema import (
 
 
 def _check_places(state: Arrays, sizes: Sizes) -> None:
-    """Raise InputError unless all that is said of places is about known ones."""
+    """Raise InputError unless all references to places are to known ones."""
     ids, visits = state["places.ids"].tolist(), state["places.visits"].tolist()
     refuse_unless(ids[:1] == [0], "places.ids", "ascending numbers from 0", ids)
     is_right = visits[:1] == [-1] and visits[-1] == sizes["current"] and {*visits[1:]} <= {*ids}
@@ -50,7 +50,7 @@ def _check_trail(state: Arrays, sizes: Sizes) -> None:
 
 
 def _check_links(state: Arrays, sizes: Sizes) -> None:
-    """Raise InputError unless every exit leads to one that leads back."""
+    """Raise InputError unless every exit leads to an exit that leads back."""
     exits = zip(state["places.ids"].tolist(), state["places.sizes"][:, 1].tolist(), strict=True)
     doors = [(key, door) for key, count in exits for door in range(count)]
     leads_to = dict(zip(doors, map(tuple, state["places.links"].tolist()), strict=True))
@@ -114,7 +114,7 @@ def stored_network(network: PlaceNetwork) -> Arrays:
 
 
 def rebuilt_network(state: Arrays, config: PlacesConfig) -> PlaceNetwork:
-    """Return the network with the given arrays, which have been checked."""
+    """Return the network from arrays that have been checked."""
     stored = {field.name.removeprefix("places."): state[field.name] for field in NETWORK.fields}
     network = PlaceNetwork(config)
     network.places = _places(stored)

@@ -1,4 +1,4 @@
-"""The network of places in the thesis's terms, as it is at one moment: places and their exits."""
+"""The network of places at one moment, in the thesis's terms: places and their exits."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class Exit:
     """An exit of a place, with its three values (Hossain 2014, section 4.1)."""
 
     line: Float64[np.ndarray, "4"]
-    """Its whereabouts in this place: x1, y1, x2, y2 in the place's frame (m). A
-    robot that goes from the first end to the second has the place to its left."""
+    """Its ends x1, y1, x2, y2 in the place's frame (m). A robot that moves from the first end to
+    the second has the place to its left."""
     leads_to: int
-    """The id of the place it leads to."""
+    """The id of the place to which the exit leads."""
     exit_there: int
-    """Which exit of that place it is."""
+    """The index of the same exit in that place's list."""
 
     @property
     def middle(self) -> Points:
-        """Its middle in the place's frame (m)."""
+        """The middle of the exit in the place's frame (m)."""
         return np.asarray(0.5 * (self.line[:2] + self.line[2:]))
 
 
@@ -35,22 +35,22 @@ class Place:
     """A place: an inexact metric map with a frame of its own, and a list of exits."""
 
     id: int
-    """Its number; that of a place found to be another is not used again."""
+    """The place's number; the number of a place merged into another is not used again."""
     frame: Pose
-    """Where its frame lay in the map when the place was learned."""
+    """The pose of the place's frame in the map when the place was learned."""
     surfaces: Segments
-    """Its description: surfaces in its frame (m)."""
+    """The place's description: surfaces in its frame (m)."""
     exits: tuple[Exit, ...]
-    """Its exits; they are known by their place in this row."""
+    """The place's exits, in the order of their indices."""
 
     @property
     def label(self) -> str:
-        """What it is called: P1 is the first."""
+        """The place's name: P1 is the first."""
         return f"P{self.id + 1}"
 
     @property
     def middle(self) -> Points:
-        """The middle of its exits, or of its surfaces where it has none, in the map's frame."""
+        """The middle of its exits, or of its surfaces if it has no exit, in the map's frame."""
         points = [door.middle for door in self.exits]
         if not points and len(self.surfaces):
             points = [self.surfaces.reshape(-1, 2).mean(axis=0)]
@@ -59,29 +59,29 @@ class Place:
 
     @property
     def placed_exits(self) -> Segments:
-        """The lines across its exits in the map's frame (m)."""
+        """The lines across the place's exits in the map's frame (m)."""
         lines = np.reshape([door.line for door in self.exits], (-1, 4)).astype(float)
         return transform_segments(self.frame, lines)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
-    """Places, and which of them exits join, at one moment."""
+    """The places and the exits that join them, at one moment."""
 
     places: tuple[Place, ...] = ()
     """The places, in the order of their ids."""
     current: int | None = None
-    """The id of the place that the robot believes to be in; None where it knows no places."""
+    """The id of the place in which the robot believes to be; None if it knows no places."""
     home: int | None = None
-    """The id of the place that it set out from."""
+    """The id of the place from which the robot set out."""
     familiar: bool = False
     """Whether the robot knows the present place from an earlier visit."""
 
     def place(self, place_id: int) -> Place:
-        """The place of an id.
+        """Return the place with an id.
 
         Raises:
-            KeyError: There is none.
+            KeyError: There is no such place.
         """
         for place in self.places:
             if place.id == place_id:
@@ -90,7 +90,7 @@ class Network:
 
     @property
     def links(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of ids (less, greater) of places that an exit joins, each once, in order."""
+        """The pairs of ids (less, greater) of places joined by an exit, each once, in order."""
         pairs = {
             (min(place.id, door.leads_to), max(place.id, door.leads_to))
             for place in self.places
@@ -100,7 +100,7 @@ class Network:
 
     @property
     def place_graph(self) -> PlaceGraph:
-        """The network as a layer of a map; each exit is an edge."""
+        """The network as a layer of a map, in which each exit is an edge."""
         nodes = {
             place.id: PlaceNode(
                 id=place.id,

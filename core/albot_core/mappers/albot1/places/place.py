@@ -1,4 +1,4 @@
-"""A place that a robot remembers, as it changes, and its exits; users see `network_view.Place`."""
+"""A place in the robot's memory, as it changes, and its exits; users see `network_view.Place`."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from albot_core.mappers.albot1.places.network_view import Exit, Place
 from albot_core.matching.line_merging import merge_lines
 
 SAME_EXIT = 0.75
-"""Exits whose middles are nearer than this are one (m)…"""
+"""Exits whose middles are nearer than this are one exit (m)…"""
 SAME_DIRECTION = np.radians(45.0)
-"""…unless their lines are turned more than this apart (rad)."""
+"""…unless the angle between their lines is larger than this (rad)."""
 DEVIATIONS = 2.5
-"""An exit is known where it is seen within so many standard deviations of where it is expected."""
+"""An exit is a known one within this many standard deviations of its expected position."""
 SEEN_ERROR = SAME_EXIT / DEVIATIONS
-"""Standard deviation of where an exit is seen in passing, in a map without drift (m)."""
+"""Standard deviation of an exit's position when seen in passing, in a map without drift (m)."""
 DRIFT_RATE = 0.05
-"""Standard deviation of the map's drift, for each metre from where it was aligned last."""
+"""Standard deviation of the map's drift for each metre travelled since the last alignment."""
 MAX_DRIFT = 1.5
-"""An exit farther than this from where it is expected is another (m): so near to each other are no
-two doorways between the same places, for each has its width and a wall beside it."""
+"""An exit farther than this from its expected position is a different one (m): two doorways between
+the same places are farther apart, for each has its width and a wall beside it."""
 DISTINCT = 2.0
-"""The known exit next to the nearest must be so many times as far."""
+"""The second nearest known exit must be at least this many times as far away as the nearest."""
 
 EYE = 0.15
-"""How far inside an exit the point is from which it is looked through (m)."""
+"""Distance of the point from which an exit is looked through, inside the exit (m)."""
 
 Line = Float64[np.ndarray, "4"]
 Lines = Float64[np.ndarray, "lines 4"]
@@ -43,11 +43,11 @@ class LearnedExit:
     """An exit of a place that the robot has gone through, with its three values (section 4.1)."""
 
     line: Line
-    """In the place's frame, with the place to the left (m)."""
+    """The exit's line in the place's frame, with the place to the left (m)."""
     leads_to: int
-    """The id of the place behind it."""
+    """The id of the place behind the exit."""
     exit_there: int
-    """Which exit of that place it is."""
+    """The index of the same exit in that place's list."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -56,20 +56,20 @@ class LearnedPlace:
 
     id: int
     frame: Pose
-    """In the graph frame (see `PlaceNetwork`)."""
+    """The pose of the place's frame in the graph frame (see `PlaceNetwork`)."""
     surfaces: Segments = field(default_factory=lambda: np.empty((0, 4)))
-    """In its own frame (m)."""
+    """The description: surfaces in the place's frame (m)."""
     exits: list[LearnedExit] = field(default_factory=list)
     _boxed: Segments | None = field(default=None, repr=False)
     _box: list[float] = field(default_factory=list, repr=False)
 
     def describe(self, surfaces: Segments, config: PlacesConfig) -> None:
-        """Combine surfaces, in its frame, with its description (algorithm 5, line 11)."""
+        """Add surfaces, in the place's frame, to the description (algorithm 5, line 11)."""
         both = merge_lines(self.surfaces, surfaces, config.match)
         self.surfaces = both[-config.max_surfaces :]
 
     def exit_at(self, line: Line, among: int | None = None) -> int | None:
-        """Which of its (first `among`) exits co-locates with a line in its frame, if any."""
+        """Return which of the (first `among`) exits co-locates with a line in the place's frame."""
         best, which = SAME_EXIT, None
         for k, door in enumerate(self.exits[:among]):
             away = float(np.hypot(*(middle(door.line) - middle(line))))
@@ -79,15 +79,16 @@ class LearnedPlace:
         return which
 
     def likeliest_exit(self, line: Line, others: Lines, drift: float) -> int | None:
-        """Which of its exits a line in its frame is, though the map may have drifted since.
+        """Return which of the exits a line in the place's frame is, although the map may drift.
 
-        This is ours. It is the nearest exit of about that direction within `drift`. It must be so
-        by far: the next known exit is much farther, and no other exit seen is nearer to this one.
+        This is ours. It is the nearest exit of about the same direction within `drift`. It must be
+        much nearer than the next known exit, and no other exit seen may be nearer to it than the
+        line.
 
         Args:
             line: The exit that is crossed.
-            others: The exits that the robot remembers to have seen, in the place's frame (n, 4; m).
-            drift: How far the map may have drifted (m), as `drift_after` says.
+            others: The remembered exits that the robot has seen, in the place's frame (n, 4; m).
+            drift: How far the map may have drifted (m), as returned by `drift_after`.
         """
         known = self.exit_at(line)
         if known is not None:
@@ -106,18 +107,18 @@ class LearnedPlace:
 
     @property
     def exit_lines(self) -> Lines:
-        """The lines of its exits, in its frame (m)."""
+        """The lines of the exits, in the place's frame (m)."""
         return np.reshape([door.line for door in self.exits], (-1, 4)).astype(float)
 
     def holds(self, point: Points) -> bool:
-        """Whether a point, in its frame, is on the inner side of all its exits.
+        """Return whether a point, in the place's frame, is on the inner side of all exits.
 
-        A point is outside where it is seen through an exit from just inside.
+        A point is outside if it is seen through an exit from just inside.
         """
         return not any(_is_behind(door.line, point) for door in self.exits)
 
     def surrounds(self, x: float, y: float) -> bool:
-        """Whether a point of the graph frame (m) is in the box that holds its surfaces."""
+        """Return whether a point of the graph frame (m) is in the bounding box of the surfaces."""
         if self._boxed is not self.surfaces:
             ends = self.surfaces.reshape(-1, 2)
             self._box = [*ends.min(0).tolist(), *ends.max(0).tolist()] if len(ends) else []
@@ -131,7 +132,7 @@ class LearnedPlace:
         return bool(left <= along <= right and bottom <= across <= top)
 
     def as_place(self) -> Place:
-        """The place as users see it."""
+        """Return the place as users see it."""
         exits = tuple(
             Exit(line=p.line.copy(), leads_to=p.leads_to, exit_there=p.exit_there)
             for p in self.exits
@@ -142,29 +143,29 @@ class LearnedPlace:
 
 
 def drift_after(way: float) -> float:
-    """How far off what is known may be seen (m), so far (m) from where the map was aligned last."""
+    """Return how far off a known exit may be seen (m), after a way (m) since the last alignment."""
     return DEVIATIONS * math.hypot(SEEN_ERROR, DRIFT_RATE * way)
 
 
 def between(one: Line, other: Line) -> float:
-    """Distance between the middles of two exits (m); infinite if their directions differ."""
+    """Return the distance between the middles of two exits (m); infinite if directions differ."""
     turned = abs(wrap_angle(direction(one) - direction(other)))
     away = float(np.hypot(*(middle(one) - middle(other))))
     return away if turned < SAME_DIRECTION else math.inf
 
 
 def middle(line: Line) -> Points:
-    """The middle of a line (m)."""
+    """Return the middle of a line (m)."""
     return np.asarray(0.5 * (line[:2] + line[2:]))
 
 
 def direction(line: Line) -> float:
-    """Its direction from the first end to the second (rad)."""
+    """Return the direction of a line from its first end to its second (rad)."""
     return math.atan2(line[3] - line[1], line[2] - line[0])
 
 
 def reversed_line(line: Line) -> Line:
-    """The same line with the other side to the left."""
+    """Return the same line with its ends exchanged, so that its other side is to the left."""
     return line[[2, 3, 0, 1]]
 
 
@@ -179,5 +180,5 @@ def _is_behind(line: Line, point: Points) -> bool:
 
 
 def in_frame(frame: Pose, lines: Segments) -> Segments:
-    """Lines given where the frame is given, expressed in the frame."""
+    """Return lines, given in the same frame as `frame`, relative to `frame`."""
     return transform_segments(relative(frame, np.zeros(3)), lines)

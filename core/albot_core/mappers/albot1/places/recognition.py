@@ -1,4 +1,4 @@
-"""Recognising places visited again (algorithms 6 and 8), and which of them are candidates."""
+"""Recognition of places visited again (algorithms 6 and 8), and the choice of candidates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from albot_core.mappers.albot1.places.place import LearnedPlace, Lines
 from albot_core.matching.line_matching import LineMatch, match_lines
 
 DOORSTEP = 5.0
-"""A robot no farther from where it entered a place has just come in (m)."""
+"""A robot no farther than this from where it entered a place has just entered it (m)."""
 
 
 def recognize_place(
@@ -35,14 +35,14 @@ def recognize_place(
     Args:
         network: The network of places.
         step: The view at which places are compared.
-        reobserved: How many surfaces of each visit were observed again in the present one, and
-            its gate (see `candidate_gates`).
+        reobserved: Number of surfaces of each visit that were observed again in the present one,
+            and the visit's gate (see `candidate_gates`).
         seen: The surfaces of the map that were seen in the present visit (m).
-        exits: The exits that the robot remembers to have seen, in the map's frame (m).
-        pose: Where the robot is in the map.
+        exits: The remembered exits that the robot has seen, in the map's frame (m).
+        pose: The robot's pose in the map.
 
     Returns:
-        Whether the present place was found to be that of an earlier visit.
+        Whether the present place was recognised as that of an earlier visit.
     """
     network.compared_from = pose.copy()
     counts, gates = reobserved.T
@@ -54,7 +54,7 @@ def recognize_place(
             gate = gate_of(other, network.config)
         by_position = gate == STANDS_WITHIN
         if by_position and other.id in stood_in:
-            continue  # Where it stands now is the same for all visits.
+            continue  # By position the result is the same for all visits to a place.
         stood_in.add(other.id)
         map_to_graph = network.map_to_graph if by_position else network.visit_transforms[visit]
         guess = compose(map_to_graph, other.frame)
@@ -63,7 +63,7 @@ def recognize_place(
             config = replace(config, max_shift=min(config.max_shift, drift))
         match = match_lines(seen, other.surfaces, guess, pose, config)
         if by_position and match.matches == 0:
-            continue  # It stands within many: that it is in none of them is not worth an event.
+            continue  # It stands within many places: a mismatch with one is not worth an event.
         evidence = None
         if network.config.min_probability > 0.0 and has_structure(match, network.config):
             evidence = weigh(network, match, other, guess, seen, exits, pose)
@@ -85,10 +85,10 @@ def _candidates(
     reobserved: Int32[np.ndarray, "visits"],
     gates: Int32[np.ndarray, "visits"],
 ) -> list[int]:
-    """The visits that are candidates, those of which most was observed again first.
+    """Return the visits that are candidates, those with the most re-observed surfaces first.
 
-    Visits to one place of which nothing was observed again differ in nothing but the map's drift
-    since: the last of them stands for all.
+    Visits to one place without re-observed surfaces differ only in the map's drift since, so only
+    the last of them is returned.
     """
     last = {place: visit for visit, place in enumerate(network.visits[:-1])}
     candidates = np.flatnonzero(reobserved > gates)
@@ -104,7 +104,7 @@ def _is_same(
     by_position: bool,
     pose: Pose,
 ) -> bool:
-    """Whether the present place is another: by the evidence, where it was weighed."""
+    """Return whether the present place is the other one, by the evidence if it was weighed."""
     config = network.config
     if evidence is not None:
         return evidence.probability >= config.min_probability
@@ -113,9 +113,10 @@ def _is_same(
 
 
 def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
-    """Algorithm 6, and the robot would stand within the place.
+    """Return whether algorithm 6 accepts the match and the robot would stand within the place.
 
-    A place's description holds what is seen through its exits. So it may be next door otherwise.
+    A place's description also holds what is seen through its exits, so without the second condition
+    the robot may be in the next place.
     """
     config = network.config
     return (
@@ -126,7 +127,7 @@ def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, 
 
 
 def has_structure(match: LineMatch, config: PlacesConfig) -> bool:
-    """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot."""
+    """Return whether more than 4 surfaces match, on both sides of the robot (Alg. 6, line 11)."""
     return match.matches > config.min_matches and min(match.left, match.right) > 0
 
 
@@ -138,10 +139,10 @@ def _aligned(
     other: LearnedPlace,
     robot: Pose,
 ) -> Pose:
-    """Where a recognised place's frame lies: where it was believed to, if that explains as much.
+    """Return the pose of a recognised place's frame: the believed one if it explains as much.
 
-    An alignment by few surfaces is good to some 40 cm, the map is often better. So it is
-    corrected only where fewer surfaces match without.
+    An alignment by few surfaces is accurate to about 40 cm, and the map is often better. So the
+    pose is corrected only if fewer surfaces match without the correction.
     """
     near = replace(
         network.config.match, max_shift=network.config.tolerance, max_turn=np.radians(10.0)
@@ -151,20 +152,19 @@ def _aligned(
 
 
 def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "visits"]:
-    """Each visit's gate: with more surfaces observed again than this it becomes a candidate.
+    """Return each visit's gate: with more re-observed surfaces than this it becomes a candidate.
 
-    What is observed again of a place that an exit joins to the present one is seen through that
-    exit: such a place is never a candidate. The rest is ours, and needs no surface at all:
+    Surfaces of a place that an exit joins to the present one are seen through that exit: such a
+    place is never a candidate. The rest is ours, and needs no re-observed surface at all:
 
     - a place that was a candidate just before the robot crossed an exit into a new place
-      (SEEN_THROUGH_EXIT): what was observed of it there is no longer in the map,
-    - a place within which a robot that has just come into a new one believes to stand
-      (STANDS_WITHIN),
-    - all places, where the robot was carried away: it may be anywhere.
+      (SEEN_THROUGH_EXIT), because what was observed of it there is no longer in the map,
+    - a place in which a robot that has just entered a new place believes to stand (STANDS_WITHIN),
+    - all places if the robot was carried away, because it may be anywhere.
 
     Args:
         network: The network of places.
-        pose: Where the robot is in the map.
+        pose: The robot's pose in the map.
     """
     gates = np.full(len(network.visits), NEVER, np.int32)
     if network.lost_since:
@@ -180,16 +180,16 @@ def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "vis
 
 
 def gate_of(place: LearnedPlace, config: PlacesConfig) -> int:
-    """The gate of visits to a place: the thesis's n, which grows with the place (section 4.1.2)."""
+    """Return the gate of visits to a place: the thesis's n, which grows with it (section 4.1.2)."""
     share = round(config.reobserved_share * len(place.surfaces))
     return min(max(share, config.min_reobserved), config.max_reobserved)
 
 
 def _places_around(network: PlaceNetwork, pose: Pose) -> list[int]:
-    """The places within whose surfaces a robot believes to stand that has just entered a new one.
+    """Return the places around the believed position of a robot that has just entered a new one.
 
-    Within means in the box, turned as the place's frame, that holds them. A robot farther in than
-    DOORSTEP would have recognised what it has seen.
+    A place is around the position if the bounding box of its surfaces, along the axes of its frame,
+    holds it. A robot that is farther in than DOORSTEP would have recognised what it has seen.
     """
     if network.is_familiar or not network.config.candidates_by_position:
         return []

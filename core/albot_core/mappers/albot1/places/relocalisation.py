@@ -1,4 +1,4 @@
-"""Finding out where a robot is that was carried away: by all that it has seen since."""
+"""Relocalisation of a robot that was carried away, by all that it has seen since."""
 
 from __future__ import annotations
 
@@ -33,34 +33,34 @@ from albot_core.matching.line_matching import (
 )
 
 MATCHES = 5
-"""So many alignments with each place are looked at."""
+"""Number of alignments with each place that are considered."""
 MOST = 12
-"""So many hypotheses are weighed, those by which most surfaces are the same."""
+"""Maximum number of hypotheses that are weighed, those with the most matching surfaces."""
 NEARBY = 20.0
-"""Known walls and ways with their middle so near to the robot are compared (m)."""
+"""Known walls and ways are compared if their middle is at most this far from the robot (m)."""
 
 Point = Float64[np.ndarray, "2"]
 
 
 class Known(NamedTuple):
-    """What was known before the robot was carried away, in the graph frame (m)."""
+    """The knowledge from before the robot was carried away, in the graph frame (m)."""
 
     places: list[LearnedPlace]
     """The places."""
     walls: Segments
     """The surfaces of all of them."""
     exits: Segments
-    """Their exits."""
+    """The exits of all places."""
     crumbs: Points
-    """The breadcrumbs dropped there."""
+    """The breadcrumbs dropped in these places."""
     crumb_places: Int64[np.ndarray, "points"]
-    """The id of the place that each is in."""
+    """The id of each breadcrumb's place."""
     ways: Segments
-    """The ways between breadcrumbs linked there, which are free."""
+    """The ways between linked breadcrumbs of these places, which are free."""
 
     @classmethod
     def of(cls, network: PlaceNetwork) -> Known:
-        """What a lost robot knows from before."""
+        """Return what a lost robot knows from before it was carried away."""
         first, crumbs = network.visits[network.lost_since], network.breadcrumbs
         places = [place for place in network.places.values() if place.id < first]
         is_known = np.isin(crumbs.places, [place.id for place in places])
@@ -77,7 +77,7 @@ class Known(NamedTuple):
 
 
 def _near(lines: Segments, point: Point) -> Float64[np.ndarray, "near 4"]:
-    """The lines with their middle near a point (m)."""
+    """Return the lines whose middle is near a point (m)."""
     middles = 0.5 * (lines[:, :2] + lines[:, 2:])
     return np.asarray(lines[np.hypot(*(middles - point).T) < NEARBY])
 
@@ -86,18 +86,18 @@ class Sight(NamedTuple):
     """What a lost robot has seen, in the map's frame (m)."""
 
     seen: Segments
-    """The surfaces seen since it was carried away, with those in view."""
+    """The surfaces seen since the robot was carried away, with those in view."""
     view: Segments
     """The surfaces in view."""
     pose: Pose
-    """Where the robot is in the map."""
+    """The robot's pose in the map."""
 
 
 def relocalise(network: PlaceNetwork, step: int, sight: Sight) -> Pose | None:
-    """Look for the place of a robot that was carried away among all places known before.
+    """Search the place of a robot that was carried away among all places known before.
 
-    It is believed where one hypothesis is probable enough, the robot stands in sight of where it
-    has been before, and the place there matches.
+    A hypothesis is accepted if it is probable enough, the robot stands in sight of where it has
+    been before, and the place there matches.
 
     Args:
         network: The network of places.
@@ -105,8 +105,8 @@ def relocalise(network: PlaceNetwork, step: int, sight: Sight) -> Pose | None:
         sight: What the robot has seen since.
 
     Returns:
-        How the map must be moved that was made since, so that it joins on to the map before; None
-        where no place is recognised.
+        The motion by which the part of the map made since must be moved to join the earlier map;
+        None if no place is recognised.
     """
     pose = sight.pose
     network.compared_from = pose.copy()
@@ -135,8 +135,7 @@ def relocalise(network: PlaceNetwork, step: int, sight: Sight) -> Pose | None:
 def find_hypotheses(network: PlaceNetwork, known: Known, sight: Sight) -> tuple[Hypothesis, ...]:
     """Align what was seen with each place known before, and weigh all alignments.
 
-    Of alignments that lay the robot at one spot the one is taken by which most surfaces are the
-    same.
+    Of alignments that put the robot at one spot, the one with the most matching surfaces is used.
     """
     seen, _, pose = sight
     found = [
@@ -159,7 +158,7 @@ def find_hypotheses(network: PlaceNetwork, known: Known, sight: Sight) -> tuple[
 def _contradictions(
     known: Known, map_to_graph: Pose, sight: Sight, min_length: float
 ) -> tuple[float, int]:
-    """What speaks against a hypothesis: the share of walls missing, and the pieces across ways."""
+    """Return the evidence against a hypothesis: share of missing walls, pieces across ways."""
     here, to_graph = relative(map_to_graph, sight.pose)[:2], inverse(map_to_graph)
     seen, view = (transform_segments(to_graph, walls) for walls in (sight.seen, sight.view))
     walls, ways = _near(known.walls, here), _near(known.ways, here)
@@ -172,10 +171,10 @@ def _contradictions(
 def _place_around(
     network: PlaceNetwork, known: Known, hypothesis: Hypothesis, pose: Pose
 ) -> LearnedPlace | None:
-    """The place in which a robot would stand: that of the nearest known breadcrumb in its sight.
+    """Return the place in which the robot would stand: that of the nearest breadcrumb in its sight.
 
-    None where none of the nearest is in sight: then it would be where it has never been. But where
-    all breadcrumbs of the place that matches are forgotten, that place is taken.
+    None if none of the nearest breadcrumbs is in sight, because the robot would be where it has
+    never been. If all breadcrumbs of the matching place are forgotten, that place is returned.
     """
     in_graph = relative(hypothesis.map_to_graph, pose)
     around = {
@@ -197,23 +196,23 @@ def _place_around(
 def _match_there(
     network: PlaceNetwork, hypothesis: Hypothesis, place: LearnedPlace, sight: Sight
 ) -> LineMatch:
-    """Match a place with what was seen, near where a hypothesis lays it."""
+    """Match a place with what was seen, near its pose by a hypothesis."""
     guess = compose(hypothesis.map_to_graph, place.frame)
     near = replace(network.config.match, max_shift=ALIKE.max_shift, max_turn=ALIKE.max_turn)
     return match_lines(sight.seen, place.surfaces, guess, sight.pose, near)
 
 
 def _is_alike(match: LineMatch, config: PlacesConfig) -> bool:
-    """Whether the place looks like what was seen: the thesis's rule, for more surfaces."""
+    """Return whether the place looks like what was seen: the thesis's rule, with more surfaces."""
     least = 0.0 if config.min_probability > 0.0 else config.min_share
     enough = match.matches >= config.min_relocalise_matches and match.share >= least
     return enough and has_structure(match, config)
 
 
 def _join(network: PlaceNetwork, step: int, place: LearnedPlace, found: Pose, pose: Pose) -> Pose:
-    """Join all that was learned since on to a place whose frame was found at a pose of the map.
+    """Join all that was learned since the robot was lost to a place found at pose `found`.
 
-    Returns how the map must be moved that was made since.
+    Returns the motion by which the part of the map made since must be moved.
     """
     first = network.visits[network.lost_since]
     learned = network.visit_transforms[network.visits.index(place.id)]

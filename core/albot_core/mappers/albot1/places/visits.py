@@ -1,8 +1,8 @@
-"""Visits to places: in which one each surface was seen, and which may be visited again.
+"""Visits to places: the visit in which each surface was seen, and the loop-closure candidates.
 
-Every surface of the map bears the visit in which it was seen last (its mark, algorithm 5). An
-earlier visit becomes a loop-closure candidate when more of its surfaces than its gate says are
-observed again (section 4.1.2). Compiled, but for what happens once a visit.
+Every surface of the map has a mark: the visit in which it was last seen (algorithm 5). An earlier
+visit becomes a loop-closure candidate when more of its surfaces than its gate are observed again
+(section 4.1.2). Compiled, except what happens once in a visit.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from albot_core.matching.lines import line_length, wrap
 
 
 def seen_since(pm: PerceptualMap, visit: int) -> np.ndarray:
-    """(n, 4) float64: the surfaces seen from a visit on, in the map's frame (a copy)."""
+    """Return the surfaces seen since a visit, (n, 4) float64, in the map's frame (a copy)."""
     return np.asarray(
         pm.surfaces[: pm.counts[USED]][living(pm) & (pm.marks[: pm.counts[USED]] >= visit)]
     )
@@ -44,8 +44,8 @@ def seen_since(pm: PerceptualMap, visit: int) -> np.ndarray:
 def begin_visit(pm: PerceptualMap, gates: np.ndarray) -> None:
     """Begin a new visit, for which there must be room.
 
-    `gates` (visits + 1,): with more of its surfaces observed again than this, a visit becomes a
-    candidate.
+    `gates` (visits + 1,): a visit becomes a candidate if more of its surfaces than this are
+    observed again.
     """
     pm.counts[VISIT] += 1
     reset_candidates(pm, gates)
@@ -56,12 +56,13 @@ _box = scratch(4)
 
 @kernel(arrays=True)
 def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> None:
-    """The forced update: mark the surfaces in view as the new visit's (algorithm 5, line 16).
+    """Mark the surfaces in view as the new visit's, by a forced update (algorithm 5, line 16).
 
     The thesis lays the view over the map, and so do `albot1-thesis` and `albot1-tracked`. But this
-    update is made for the marks alone, not because landmarks go out of sight: all else that it does
-    is to make the error of a view from a doorway the map's. Where the local submap localises the
-    robot, the map stays as it is: what it holds of the view is marked, and what it lacks is added.
+    update is needed for the marks alone, not because landmarks go out of sight; its only other
+    effect is that the errors of a view from a doorway enter the map. Where the local submap
+    localises the robot, the map is not changed: its surfaces in the view are marked, and missing
+    ones are added.
     """
     if not limits.submap_matching:
         update_map(pm, view, limits)
@@ -88,7 +89,7 @@ def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> N
 
 
 def reset_candidates(pm: PerceptualMap, gates: np.ndarray) -> None:
-    """Count re-observed surfaces from 0 again; `gates` is as for `begin_visit`."""
+    """Reset the counts of re-observed surfaces to 0; `gates` is as for `begin_visit`."""
     pm.reobserved[: len(gates), OBSERVED] = 0
     pm.reobserved[: len(gates), GATE] = gates
     drop_candidates(pm)
@@ -96,7 +97,7 @@ def reset_candidates(pm: PerceptualMap, gates: np.ndarray) -> None:
 
 @kernel()
 def drop_candidates(pm: PerceptualMap) -> None:
-    """Drop all candidates but those that need no re-observed surface at all."""
+    """Drop all candidates except those that need no re-observed surface."""
     candidate, least = 0, 0
     for visit in range(pm.counts[VISIT] + 1):
         if pm.reobserved[visit, GATE] < least:
@@ -113,10 +114,11 @@ def keep_or_drop_candidate(
     pose: np.ndarray,
     limits: Albot1Limits,
 ) -> bool:
-    """Drop a candidate that comes too soon. Returns whether there is one to be compared now.
+    """Drop a candidate that comes too soon; return whether a candidate is to be compared now.
 
-    Too soon is too near to where places were compared last. If the robot is lost the candidate
-    stays. While an exit is being crossed nothing tells which of the two places the robot is in.
+    Too soon is too near to where places were last compared. If the robot is lost the candidate is
+    kept. While an exit is being crossed nothing is compared, because it is not known in which of
+    the two places the robot is.
     """
     if pm.counts[CANDIDATE] == 0 or exits.counts[1] != NOT_CROSSING:
         return False
@@ -129,9 +131,9 @@ def keep_or_drop_candidate(
 
 @kernel()
 def may_compare(compared_from: np.ndarray, pose: np.ndarray, spacing: float, turn: float) -> bool:
-    """Whether the robot has gone (m) or turned (rad) so far since it last compared places.
+    """Return whether the robot has moved (m) or turned (rad) enough since it last compared places.
 
-    That was at the pose `compared_from`, NaN where it has not yet in its present visit.
+    `compared_from` is its pose then, NaN before the first comparison of its present visit.
     """
     x, y = pose[0] - compared_from[0], pose[1] - compared_from[1]
     is_near = x * x + y * y < spacing**2
@@ -140,7 +142,7 @@ def may_compare(compared_from: np.ndarray, pose: np.ndarray, spacing: float, tur
 
 @kernel(arrays=True)
 def move_visits(pm: PerceptualMap, first: int, pose: np.ndarray) -> None:
-    """Move all that was seen in the visits from `first` on: what was at the origin is at `pose`."""
+    """Move all surfaces seen since visit `first` so that a point at the origin lies at `pose`."""
     moved = np.empty(4)
     for slot in range(pm.counts[USED]):
         if pm.ids[slot] >= 0 and pm.marks[slot] >= first:
@@ -149,16 +151,16 @@ def move_visits(pm: PerceptualMap, first: int, pose: np.ndarray) -> None:
 
 
 def marked_visits(pm: PerceptualMap) -> np.ndarray:
-    """(visits + 1,) bool: the visits in which surfaces of the map were last seen."""
+    """Return the visits in which surfaces of the map were last seen, (visits + 1,) bool."""
     marked = np.zeros(pm.counts[VISIT] + 1, np.bool_)
     marked[pm.marks[: pm.counts[USED]][living(pm)]] = True
     return marked
 
 
 def renumber_visits(pm: PerceptualMap, numbers: np.ndarray) -> None:
-    """Give visits other numbers, in the same order.
+    """Renumber the visits, whose order stays the same.
 
-    `numbers` (visits + 1,): the new ones, -1 for those forgotten, which no surface's are.
+    `numbers` (visits + 1,) are the new numbers, -1 for forgotten visits, which no surface may have.
     """
     kept, used = numbers >= 0, pm.counts[USED]
     pm.reobserved[: kept.sum()] = pm.reobserved[: len(kept)][kept]

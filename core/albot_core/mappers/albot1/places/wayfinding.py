@@ -1,7 +1,7 @@
-"""Finding the way over the network of places: exit by exit, one place at a time.
+"""Wayfinding over the network of places: exit by exit, one place at a time.
 
-The thesis's third experiment (section 4.2.3) uses the network to know which exit comes next;
-the search over it is ours (Dijkstra), with the straight ways between a place's exits as cost.
+The thesis's third experiment (section 4.2.3) uses the network to know which exit comes next. The
+search over it is ours (Dijkstra); its costs are the straight ways between a place's exits.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace, middle
 
 ExitStep = tuple[int, int]
-"""A place, and which of its exits to take."""
+"""A place's id, and the index of the exit to take."""
 
 CROSSING = 0.5
-"""What going through an exit costs on top of the way to it (m): of two ways of one length the
+"""Cost of going through an exit, in addition to the way to it (m): of two ways of equal length the
 one through fewer exits is taken."""
 
 
 def route(
     network: PlaceNetwork, pose: Pose, target: int, goal: Points | None = None
 ) -> list[ExitStep]:
-    """The shortest way from where the robot is to a place: the exits to take, in order.
+    """Return the shortest way from the robot to a place: the exits to take, in order.
 
     Args:
         network: The network of places.
-        pose: Where the robot is in the map.
+        pose: The robot's pose in the map.
         target: The id of the place to go to.
-        goal: Where in that place, in its frame (m); without it the way ends at its door.
+        goal: A point in that place, in its frame (m); without it the way ends at the place's exit.
 
     Returns:
-        The steps; none where the robot is in that place, or no known way leads there.
+        The exits; none if the robot is in that place, or no known way leads there.
     """
     if network.current == target:
         return []
@@ -79,7 +79,7 @@ def _push(
 
 
 def way_lines(network: PlaceNetwork, pose: Pose, target: int) -> Segments:
-    """The exits on the way to a place, where they are believed to be in the map (n, 4; m).
+    """Return the exits on the way to a place, at their believed positions in the map (n, 4; m).
 
     Raises:
         InputError: There is no such place.
@@ -94,16 +94,16 @@ def way_lines(network: PlaceNetwork, pose: Pose, target: int) -> Segments:
 
 
 def waypoint_home(network: PlaceNetwork, pose: Pose, walls: Segments) -> tuple[Points, float]:
-    """Where to drive next along the breadcrumbs home.
+    """Return the next point to drive to along the breadcrumbs home.
 
     Args:
         network: The network of places, with the breadcrumbs.
-        pose: Where the robot is in the map.
-        walls: The surfaces in view, in its own frame (m).
+        pose: The robot's pose in the map.
+        walls: The surfaces in view, in the robot's frame (m).
 
     Returns:
         The waypoint in the map's frame (m), NaN near home; and the length of the way home (m),
-        infinite where none leads home, or the robot was moved.
+        infinite if no way leads home or the robot is lost.
     """
     here = network.in_graph_frame(pose)
     point, length = network.breadcrumbs.waypoint(network.current, here, walls)
@@ -112,10 +112,10 @@ def waypoint_home(network: PlaceNetwork, pose: Pose, walls: Segments) -> tuple[P
 
 
 def pointing(network: PlaceNetwork, pose: Pose, place: int) -> Float64[np.ndarray, "2"]:
-    """Where a place is: its direction from the robot's heading (rad) and its distance (m).
+    """Return a place's direction from the robot's heading (rad) and its distance (m).
 
-    For the place that the robot set out from, that is where it stood; for another, the point
-    at which the robot first entered it.
+    For the place that the robot set out from, the target is its starting point; for any other
+    place, it is the point where the robot first entered it.
 
     Raises:
         InputError: There is no such place.

@@ -1,6 +1,6 @@
-"""Breadcrumbs: where the robot has been, and the shortest path home over it.
+"""Breadcrumbs: where the robot has been, and the shortest path home over them.
 
-- `breadcrumbs`: the points that a robot has come through, and the way home along them,
-- `crumb_kernels`: dropping a breadcrumb, and which of them are within straight reach,
+- `breadcrumbs`: points of the robot's past path, and the way home along them,
+- `crumb_kernels`: dropping a breadcrumb, and which breadcrumbs are within straight reach,
 - `path_tree`: the tree of shortest paths home, kept up to date link by link.
 """

@@ -1,9 +1,9 @@
-"""Breadcrumbs: the points that a robot has come through, and the way home along them.
+"""Breadcrumbs: points of the robot's past path, and the way home along them.
 
 The thesis's places describe what was seen. To find the way from one exit of a large place to the
-next, the robot must know where it can drive as well. This is ours: the robot drops a breadcrumb
-every so far, and links it with those that it can reach straight from there. Of a long journey the
-breadcrumbs used last are kept, and the paths home from them, so that memory stays bounded.
+next, the robot must also know where it can drive. This is ours: the robot drops a breadcrumb at
+regular distances, and links it with those that it can reach straight from there. On a long journey
+the breadcrumbs used last are kept, with the paths home from them, so that memory stays bounded.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ from albot_core.mappers.albot1.trail.crumb_kernels import (
 from albot_core.mappers.albot1.trail.path_tree import HOME, ShortestPathTree, rebuilt_path_tree
 
 CRUMB_SPACING = 0.5
-"""The robot drops a breadcrumb after driving so far (m)…"""
+"""The robot drops a breadcrumb after driving this far (m)…"""
 CRUMB_TURN = np.radians(45.0)
-"""…or turning so far (rad): then others come into view."""
+"""…or turning this far (rad), because other breadcrumbs come into view then."""
 WAYPOINT_AHEAD = 2.0
-"""The waypoint is so far ahead on the way home (m)."""
+"""Distance of the waypoint along the way home (m)."""
 START_RANGE = 1.0
-"""The way home may start at a breadcrumb of the present place that is no farther away (m)."""
+"""Maximum distance of a breadcrumb of the present place at which the way home may start (m)."""
 
 
 class NearbyCrumbs(NamedTuple):
-    """The breadcrumbs as seen from where the robot is."""
+    """The breadcrumbs as seen from the robot's pose."""
 
     nearest: int
-    """The nearest of its place, -1 for none."""
+    """The nearest breadcrumb of the present place, -1 for none."""
     distances: Float64[np.ndarray, "points"]
-    """How far away each is (m)."""
+    """The distance of each breadcrumb from the robot (m)."""
     reachable: Bool[np.ndarray, "points"]
-    """Whether the robot can drive straight there."""
+    """Whether the robot can drive straight to each breadcrumb."""
 
 
 class PathHome(NamedTuple):
     """A path home along the breadcrumbs."""
 
     points: list[int]
-    """The breadcrumbs on it, the nearest first; none where no path leads home."""
+    """The breadcrumbs on the path, the nearest first; empty if no path leads home."""
     length: float
-    """Its length (m), with the way to the nearest; infinite where there is no path."""
+    """The path's length (m), with the way to its first breadcrumb; infinite if there is no path."""
 
 
 class Breadcrumbs:
@@ -59,9 +59,9 @@ class Breadcrumbs:
 
     def __init__(self) -> None:
         self.tree = ShortestPathTree()
-        """Which breadcrumbs are linked, and the paths home over the links."""
+        """The links between breadcrumbs, and the paths home over the links."""
         self.crumbs = _empty_crumbs(len(self.tree.graph.distances))
-        """The arrays, which are exchanged for larger ones when they are full."""
+        """The breadcrumbs' arrays, which are replaced by larger ones when they are full."""
 
     def clear(self) -> None:
         """Forget all breadcrumbs."""
@@ -70,31 +70,31 @@ class Breadcrumbs:
 
     @property
     def points(self) -> Float64[np.ndarray, "points 2"]:
-        """Where each is, in the graph frame of the network of places (m)."""
+        """The position of each breadcrumb, in the graph frame of the network of places (m)."""
         points: Float64[np.ndarray, "points 2"] = self.crumbs.points[: self._count]
         return points
 
     @property
     def places(self) -> Int64[np.ndarray, "points"]:
-        """The id of the place that each is in."""
+        """The id of each breadcrumb's place."""
         places: Int64[np.ndarray, "points"] = self.crumbs.places[: self._count]
         return places
 
     @property
     def last_used(self) -> Int64[np.ndarray, "points"]:
-        """When each was used last, counted in breadcrumbs dropped."""
+        """The time of each breadcrumb's last use, counted in breadcrumbs dropped."""
         last_used: Int64[np.ndarray, "points"] = self.crumbs.last_used[: self._count]
         return last_used
 
     @property
     def readings(self) -> Int64[np.ndarray, "points"]:
-        """The number of the reading at which each was dropped first."""
+        """The number of the reading at which each breadcrumb was first dropped."""
         readings: Int64[np.ndarray, "points"] = self.crumbs.readings[: self._count]
         return readings
 
     @property
     def last(self) -> int:
-        """The breadcrumb used last; -1 where the robot did not drive from there."""
+        """The breadcrumb used last; -1 if the robot did not drive from it to where it is."""
         return int(self.crumbs.last[0])
 
     @property
@@ -102,11 +102,11 @@ class Breadcrumbs:
         return int(self.tree.graph.counts[0])
 
     def break_off(self) -> None:
-        """Note that the robot did not drive from the last breadcrumb to where it is now."""
+        """Record that the robot did not drive from the last breadcrumb to where it is now."""
         self.crumbs.last[0] = -1
 
     def ensure_room(self) -> bool:
-        """Make room for one more breadcrumb. Returns whether the arrays are new."""
+        """Make room for one more breadcrumb; return whether the arrays were replaced."""
         if has_room(self.tree.graph):
             return False
         self.tree.ensure_room(self._count + 1)
@@ -118,12 +118,12 @@ class Breadcrumbs:
         return True
 
     def drop(self, place: int, pose: Pose, walls: Segments, reading: int = 0) -> None:
-        """Drop a breadcrumb, or use one again that lies here.
+        """Drop a breadcrumb, or use again one that lies here.
 
         Args:
-            place: The id of the place that the robot believes to be in.
-            pose: Where it is in the graph frame.
-            walls: The surfaces in view, in its own frame (m).
+            place: The id of the present place.
+            pose: The robot's pose in the graph frame.
+            walls: The surfaces in view, in the robot's frame (m).
             reading: The number of the present reading.
         """
         self.ensure_room()
@@ -131,28 +131,30 @@ class Breadcrumbs:
         drop_crumb(self.crumbs, self.tree.graph, place, pose, walls)
 
     def nearby(self, place: int, pose: Pose, walls: Segments) -> NearbyCrumbs:
-        """The breadcrumbs as seen from a pose; the arguments are as for `drop`."""
+        """Return the breadcrumbs as seen from a pose; the arguments are as for `drop`."""
         distances, reachable = np.empty(len(self.points)), np.empty(len(self.points), np.bool_)
         nearest = find_reachable(self.points, self.places, place, pose, walls, distances, reachable)
         return NearbyCrumbs(int(nearest), distances, reachable)
 
     def move(self, which: Bool[np.ndarray, "points"], motion: Pose, place: int | None) -> None:
-        """Move breadcrumbs so that what was at the origin comes to be at `motion`.
+        """Move breadcrumbs rigidly, so that a point at the origin comes to lie at `motion`.
 
         Args:
-            which: Those to be moved.
+            which: The breadcrumbs to be moved.
             motion: A pose in the graph frame.
-            place: The id of the place that they turned out to be in; None where that stays.
+            place: The id of the place to which they turned out to belong; None to leave it
+                unchanged.
         """
         self.points[which] = transform_points(motion, self.points[which])
         if place is not None:
             self.places[which] = place
 
     def path_home(self, distances: Float64[np.ndarray, "points"]) -> PathHome:
-        """The shortest path home.
+        """Return the shortest path home.
 
         Args:
-            distances: How far away each breadcrumb is (m); infinity where none may start there.
+            distances: The distance of each breadcrumb (m); infinity if the path may not start
+                there.
         """
         start = int(np.argmin(distances + self.tree.distances))
         length = float(distances[start] + self.tree.distances[start])
@@ -164,11 +166,11 @@ class Breadcrumbs:
         return PathHome(points, length)
 
     def waypoint(self, place: int, pose: Pose, walls: Segments) -> tuple[Points, float]:
-        """Where to drive next on the way home; the arguments are as for `drop`.
+        """Return the next point to drive to on the way home; the arguments are as for `drop`.
 
         Returns:
-            The first breadcrumb WAYPOINT_AHEAD on the path (graph frame; NaN where home is
-            nearer), and the path's length (m; infinite where there is none).
+            The first breadcrumb WAYPOINT_AHEAD on the path (graph frame; NaN if home is nearer),
+            and the path's length (m; infinite if there is no path).
         """
         nearby = self.nearby(place, pose, walls)
         own = self.places == place
@@ -196,7 +198,7 @@ def rebuilt_breadcrumbs(
     last: int,
     links: Float64[np.ndarray, "links 3"],
 ) -> Breadcrumbs:
-    """The breadcrumbs with these properties and links (see `ShortestPathTree.links`)."""
+    """Return the breadcrumbs with these properties and links (see `ShortestPathTree.links`)."""
     breadcrumbs = Breadcrumbs()
     breadcrumbs.tree = rebuilt_path_tree(len(points), links)
     breadcrumbs.crumbs = crumbs = _empty_crumbs(len(breadcrumbs.tree.graph.distances))

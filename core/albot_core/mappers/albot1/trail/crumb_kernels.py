@@ -18,41 +18,41 @@ from albot_core.mappers.albot1.trail.path_tree import (
 )
 
 SAME_CRUMB = 0.35
-"""A breadcrumb of the same place no farther away than this is used again (m)."""
+"""A breadcrumb of the same place is used again if it is no farther away than this (m)."""
 NEAR = 0.6
-"""Between breadcrumbs of one place no farther apart than this the way is free (m): a robot's
-body and a wall do not fit between."""
+"""Between breadcrumbs of one place the way is free up to this distance (m): a robot's body and a
+wall do not both fit between them."""
 VIEW_RANGE = 8.0
-"""Breadcrumbs no farther away than this are looked for in view (m)."""
+"""Maximum distance of breadcrumbs that are looked for in view (m)."""
 CLEARANCE = 0.3
-"""Free space to either side of a straight way to a breadcrumb in view, at least (m)."""
+"""Minimum free space on either side of a straight way to a breadcrumb in view (m)."""
 
 MAX_CRUMBS, MAX_LINKS = 1024, 16_384
-"""With more breadcrumbs or links than these, half of the breadcrumbs are forgotten, but none on
+"""With more breadcrumbs or links than these, half of the breadcrumbs are forgotten, except those on
 the paths home from the others."""
 PRUNE_EVERY = 32
-"""The limits are checked at each so many breadcrumbs."""
+"""Interval, in breadcrumbs, at which these limits are checked."""
 
 
 class Crumbs(NamedTuple):
-    """Breadcrumbs in arrays that have room for more (see `PathGraph` for how many there are)."""
+    """Breadcrumbs in arrays that have room for more (`PathGraph` has their number)."""
 
     points: np.ndarray
-    """(points, 2) float64: where each is, in the graph frame of the network of places (m)."""
+    """(points, 2) float64: each breadcrumb's position, in the graph frame of the places (m)."""
     places: np.ndarray
-    """(points,) int64: the id of the place that each is in."""
+    """(points,) int64: the id of each breadcrumb's place."""
     last_used: np.ndarray
-    """(points,) int64: when each was used last, counted in breadcrumbs dropped."""
+    """(points,) int64: the time of each breadcrumb's last use, counted in breadcrumbs dropped."""
     readings: np.ndarray
-    """(points,) int64: the number of the reading at which each was dropped first."""
+    """(points,) int64: the number of the reading at which each breadcrumb was first dropped."""
     last: np.ndarray
-    """(3,) int64: the breadcrumb used last, -1 where the robot did not drive from there; how many
-    were dropped so far; and the number of the present reading."""
+    """(3,) int64: the breadcrumb used last, -1 if the robot did not drive from it to where it is;
+    the number of breadcrumbs dropped; and the number of the present reading."""
 
 
 @kernel()
 def has_room(graph: PathGraph) -> bool:
-    """Whether there is room for a breadcrumb and links to all others."""
+    """Return whether there is room for a breadcrumb and links to all others."""
     points, links = graph.counts[0], graph.counts[1]
     return bool(points < graph.distances.shape[0] and links + points < graph.lengths.shape[0])
 
@@ -61,7 +61,7 @@ def has_room(graph: PathGraph) -> bool:
 def drop_crumb(
     crumbs: Crumbs, graph: PathGraph, place: int, pose: np.ndarray, walls: np.ndarray
 ) -> None:
-    """`Breadcrumbs.drop`, where there is room (see `has_room`)."""
+    """Drop a breadcrumb as `Breadcrumbs.drop` does; there must be room (see `has_room`)."""
     count = graph.counts[0]
     distances, reachable = np.empty(count + 1), np.empty(count + 1, np.bool_)
     points, places = crumbs.points[:count], crumbs.places[:count]
@@ -89,7 +89,7 @@ def drop_crumb(
 
 @kernel(arrays=True)
 def _prune(crumbs: Crumbs, graph: PathGraph) -> None:
-    """Above the limits, forget the breadcrumbs that were not used for longest."""
+    """Forget the breadcrumbs that were not used for longest, if there are more than the limits."""
     count = graph.counts[0]
     if count <= MAX_CRUMBS and graph.counts[1] <= MAX_LINKS:
         return
@@ -130,8 +130,9 @@ def find_reachable(
 ) -> int:
     """Set each breadcrumb's distance (m), and whether the robot can drive straight to it.
 
-    It can where it stands on the breadcrumb, where that is near in its own place, and where the
-    way there is in view and free. Returns the nearest of its own place, -1 where there is none.
+    It can if it stands on the breadcrumb, if that is near and in its own place, or if the straight
+    way there is in view and free. Returns the nearest breadcrumb of the robot's place, -1 if there
+    is none.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     nearest, best = -1, np.inf
@@ -151,10 +152,10 @@ def find_reachable(
 
 @kernel()
 def _is_clear(walls: np.ndarray, ux: float, uy: float, length: float) -> bool:
-    """Whether a robot at the origin sees that the way so far along (ux, uy) is free.
+    """Return whether a robot at the origin sees that the way along (ux, uy) is free.
 
-    No wall stands in the way, and one is seen beyond: where none is, a wall may stand in the way
-    that is too small to be seen.
+    No wall may stand in the way, and a wall must be seen beyond it; otherwise a wall too small to
+    be seen may stand in the way.
     """
     seen = False
     for wall in walls:
@@ -167,9 +168,9 @@ def _is_clear(walls: np.ndarray, ux: float, uy: float, length: float) -> bool:
 
 @kernel()
 def _strip_overlap(wall: np.ndarray, ux: float, uy: float) -> tuple[float, float]:
-    """From where to where (m) a wall is within CLEARANCE of the ray along (ux, uy).
+    """Return from where to where (m) a wall is within CLEARANCE of the ray along (ux, uy).
 
-    Infinity where it nowhere is.
+    Both are infinite if the wall is nowhere so near.
     """
     ax, ay = ux * wall[0] + uy * wall[1], ux * wall[1] - uy * wall[0]
     bx, by = ux * wall[2] + uy * wall[3], ux * wall[3] - uy * wall[2]

@@ -1,7 +1,7 @@
 """The tree of shortest paths home over linked points, kept up to date link by link.
 
-A new link never makes a path longer. What it makes shorter spreads from its ends (the relaxation
-of Bellman and Ford), so that each point's path home is there when it is asked for.
+A new link never makes a path longer. The paths that it makes shorter are updated from its ends
+outward (the relaxation of Bellman and Ford), so that each point's path home is always known.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from albot_core.kernels.compiled import kernel
 HOME = 0
 """The root, where all paths end: the first point."""
 MIN_LINK = 1e-3
-"""Links are no shorter than this (m): paths of no length could run in circles."""
+"""Minimum length of a link (m): over links of length 0, paths could run in circles."""
 
 
 class PathGraph(NamedTuple):
     """Points, links and the tree of paths home, in arrays that have room for more."""
 
     counts: np.ndarray
-    """(2,) int64: how many points and links there are."""
+    """(2,) int64: the number of points and the number of links."""
     distances: np.ndarray
-    """(points,) float64: length of the path home (m); infinite where there is none."""
+    """(points,) float64: length of the path home (m); infinite if there is none."""
     parents: np.ndarray
-    """(points,) int64: the next point on the path home; -1 at home, and where there is none."""
+    """(points,) int64: the next point on the path home; -1 at home, and if there is no path."""
     heads: np.ndarray
-    """(points,) int64: the latest link end at each point, -1 for none. The ends of link k are
-    numbered 2 k and 2 k + 1."""
+    """(points,) int64: the latest link end at each point, -1 for none. The ends of link k have the
+    numbers 2 k and 2 k + 1."""
     ends: np.ndarray
     """(links, 2) int64: the points that each link joins."""
     lengths: np.ndarray
-    """(links,) float64: how long each link is (m)."""
+    """(links,) float64: the length of each link (m)."""
     previous: np.ndarray
-    """(links, 2) int64: for each end, the link end before it at the same point, as in `heads`."""
+    """(links, 2) int64: for each end, the previous link end at the same point, as in `heads`."""
 
 
 class ShortestPathTree:
@@ -44,7 +44,7 @@ class ShortestPathTree:
 
     def __init__(self) -> None:
         self.graph = _empty_graph(32, 128)
-        """The arrays, which are exchanged for larger ones when they are full."""
+        """The arrays, which are replaced by larger ones when they are full."""
 
     def add_point(self) -> None:
         """Add a point to which no path leads yet."""
@@ -54,12 +54,12 @@ class ShortestPathTree:
     def link(
         self, point: int, others: Bool[np.ndarray, "points"], lengths: Float64[np.ndarray, "points"]
     ) -> None:
-        """Link a point with others that are so far away (m). Existing links stay as they are."""
+        """Link a point with others at the given distances (m). Existing links stay as they are."""
         self.ensure_room(len(others))
         link_point(self.graph, point, others, lengths)
 
     def ensure_room(self, links: int = 0) -> bool:
-        """Make room for one more point and so many links. Returns whether the arrays are new."""
+        """Make room for a point and `links` links; return whether the arrays were replaced."""
         graph, (points, used) = self.graph, self.graph.counts.tolist()
         room = len(graph.distances), len(graph.lengths)
         wanted = (
@@ -75,13 +75,13 @@ class ShortestPathTree:
 
     @property
     def distances(self) -> Float64[np.ndarray, "points"]:
-        """Length of the path home from each point (m); infinite where there is none."""
+        """The length of the path home from each point (m); infinite if there is none."""
         distances: Float64[np.ndarray, "points"] = self.graph.distances[: self.graph.counts[0]]
         return distances
 
     @property
     def parents(self) -> Int64[np.ndarray, "points"]:
-        """The next point on the path home from each; -1 at home, and where there is none."""
+        """The next point on the path home from each; -1 at home, and if there is no path."""
         parents: Int64[np.ndarray, "points"] = self.graph.parents[: self.graph.counts[0]]
         return parents
 
@@ -93,7 +93,7 @@ class ShortestPathTree:
 
 
 def rebuilt_path_tree(points: int, links: Float64[np.ndarray, "links 3"]) -> ShortestPathTree:
-    """The tree over so many points with these `links` (see `ShortestPathTree.links`)."""
+    """Return the tree over `points` points with these `links` (see `ShortestPathTree.links`)."""
     tree = ShortestPathTree()
     tree.graph = _empty_graph(max(2 * points, 32), max(2 * len(links), 128))
     _rebuild(tree.graph, points, links[:, :2].astype(np.int64), links[:, 2].copy())
@@ -151,7 +151,7 @@ def _add_link(graph: PathGraph, one: int, other: int, length: float) -> None:
     graph.ends[link, 0], graph.ends[link, 1] = one, other
     graph.lengths[link] = length
     _file_ends(graph, link)
-    # All other links are relaxed already: only from an end of this one can a change spread.
+    # All other links are relaxed already: a change can spread only from an end of this link.
     if _relax(graph, one, other, length):
         _spread(graph, other)
     elif _relax(graph, other, one, length):
@@ -169,9 +169,9 @@ def _file_ends(graph: PathGraph, link: int) -> None:
 
 @kernel()
 def _relax(graph: PathGraph, here: int, there: int, length: float) -> bool:
-    """Lead the path home from `there` over `here` if that is shorter. Returns whether it is.
+    """Lead the path home from `there` over `here` if that is shorter; return whether it is.
 
-    Of paths of one length the one over the earlier point is kept, so that the tree does not
+    Of two paths of equal length the one over the earlier point is kept, so that the tree does not
     depend on the order in which links were made.
     """
     distance = graph.distances[here] + length
@@ -185,7 +185,7 @@ def _relax(graph: PathGraph, here: int, there: int, length: float) -> bool:
 
 @kernel(arrays=True)
 def _spread(graph: PathGraph, source: int) -> None:
-    """Shorten the paths home that are shorter by way of a point, and those by way of these."""
+    """Shorten the paths home that are shorter by way of a point, and then those by way of these."""
     queue = np.empty(graph.counts[0], np.int64)
     is_queued = np.zeros(graph.counts[0], np.bool_)
     queue[0], is_queued[source] = source, True
@@ -208,8 +208,8 @@ def _spread(graph: PathGraph, source: int) -> None:
 def keep_points(graph: PathGraph, numbers: np.ndarray) -> None:
     """Forget points: `numbers` (points,) are the new numbers of those kept, -1 for others.
 
-    They must be in the same order, and with each point its whole path home must be kept, so that
-    no path gets longer.
+    The new numbers must have the same order. With each point its whole path home must be kept, so
+    that no path becomes longer.
     """
     points, links = graph.counts[0], graph.counts[1]
     graph.counts[:] = 0
