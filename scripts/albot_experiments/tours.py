@@ -34,7 +34,7 @@ _TURN_FIRST = np.radians(45.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Journey:
+class TourRecord:
     """What a robot sensed on a journey, and where it truly was."""
 
     readings: tuple[Reading, ...]
@@ -61,7 +61,7 @@ def guided_tour(
     laser: LaserConfig = LMS_200,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
-) -> Journey:
+) -> TourRecord:
     """Guide a robot, with sonars if any are given, through the waypoints; return what it saw.
 
     The guide sees where the robot truly is, so that the odometer's errors do not change the
@@ -82,7 +82,7 @@ def lead(
     waypoints: Points,
     rng: np.random.Generator,
     go_to: Callable[[Points], Iterable[Reading]],
-) -> Journey:
+) -> TourRecord:
     """Lead a simulated robot through the waypoints and return what it saw.
 
     Args:
@@ -103,7 +103,7 @@ def lead(
             truth.append(simulator.pose)
             if simulator.collided:
                 raise InputError(world.name, "a tour clear of walls", "a wall", place=f"leg {leg}")
-    return Journey(readings=tuple(readings), truth=np.array(truth))
+    return TourRecord(readings=tuple(readings), truth=np.array(truth))
 
 
 def first_pose(waypoints: Points) -> Pose:
@@ -112,7 +112,7 @@ def first_pose(waypoints: Points) -> Pose:
     return np.array([*waypoints[0], math.atan2(first[1], first[0])])
 
 
-def true_motions(journey: Journey) -> Poses:
+def true_motions(journey: TourRecord) -> Poses:
     """(views, 3): the true pose at every view seen from the one before; the first is 0."""
     before = np.concatenate((journey.truth[:1], journey.truth[:-1]))
     return relative(before, journey.truth)
@@ -140,7 +140,7 @@ def driven_tour(
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
     scenes: SceneConfig | None = None,
-) -> Journey:
+) -> TourRecord:
     """Drive a robot through the waypoints; a reading every 0.1 s.
 
     It has sonars and scenes if any are given.
@@ -164,7 +164,7 @@ def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Itera
         yield simulator.step(driving.speed * forwards, float(turn_rate))
 
 
-def thinned_views(journey: Journey, spacing: float, turn: float) -> Journey:
+def thinned_views(journey: TourRecord, spacing: float, turn: float) -> TourRecord:
     """The journey as a log that holds a view every `spacing` or `turn`.
 
     A view is kept once the odometer says that the robot has moved so far (m), or turned so much
@@ -178,4 +178,4 @@ def thinned_views(journey: Journey, spacing: float, turn: float) -> Journey:
             readings.append(replace(reading, motion=since))
             kept.append(index)
             since = np.zeros(3)
-    return Journey(readings=tuple(readings), truth=journey.truth[kept])
+    return TourRecord(readings=tuple(readings), truth=journey.truth[kept])

@@ -40,7 +40,7 @@ _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"s
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
 
-Progress = Callable[[int, str], None]
+ProgressReport = Callable[[int, str], None]
 """Called with the number of samples so far, and the state of the training as text."""
 
 
@@ -63,7 +63,7 @@ class TrainingRun:
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._folder, self._plan, self._command = folder, plan, folder.command
-        self._report: Progress = lambda done, note: None
+        self._report: ProgressReport = lambda done, note: None
         found = newest_checkpoint(folder.checkpoints, warn)
         self._resumed = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
         self._exporter = AgentExporter(plan)
@@ -83,7 +83,7 @@ class TrainingRun:
         self._episode_log = EpisodeLog(folder.monitor, plan.task, int(self._resumed["monitor"]))
         self._snapshot = self._take_snapshot()
 
-    def run(self, report: Progress | None = None) -> dict[str, Any]:
+    def run(self, report: ProgressReport | None = None) -> dict[str, Any]:
         """Train to the end or until Ctrl-C; return the outcome, as `albot train --json` prints it.
 
         Args:

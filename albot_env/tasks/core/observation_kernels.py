@@ -57,7 +57,7 @@ from albot_env.tasks.core.parts.sensors import (
     fill_sonar,
 )
 from albot_env.tasks.core.rooms import Rooms, find_room
-from albot_env.tasks.core.state import BatchState, Progress
+from albot_env.tasks.core.state import BatchState, ExplorationProgress
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyParams,
     find_onward,
@@ -80,8 +80,8 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
     """Track the progress of robots `rows`, and fill in their rows of `observations`.
 
     `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, the one believed covered,
-    `Rooms`, `Scales`, `Layout`, `BatchState`, `Progress`, `OccupancyParams`, `SearchParams` and
-    `OccupancyGrids`.
+    `Rooms`, `Scales`, `Layout`, `BatchState`, `ExplorationProgress`, `OccupancyParams`,
+    `SearchParams` and `OccupancyGrids`.
     """
     sensor, _, believed, _, scales, _, state, _, _, search, occupancy = unpack(arguments)
     # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
@@ -174,7 +174,11 @@ def _find_ways(i: int, layout: Any, params: OccupancyParams, sources: Sources) -
 
 @kernel()
 def _cover_truly(
-    i: int, covered: CoverageGrid, sensor: CoverageSensor, state: BatchState, progress: Progress
+    i: int,
+    covered: CoverageGrid,
+    sensor: CoverageSensor,
+    state: BatchState,
+    progress: ExplorationProgress,
 ) -> None:
     """Mark the ground that robot i truly sees within the coverage radius.
 
@@ -188,7 +192,7 @@ def _cover_truly(
 
 
 @kernel()
-def _enter_room(i: int, rooms: Rooms, state: BatchState, progress: Progress) -> None:
+def _enter_room(i: int, rooms: Rooms, state: BatchState, progress: ExplorationProgress) -> None:
     """Find the room that robot i is truly in, and mark it as entered."""
     first, last = rooms.worlds[i]
     room = find_room(state.poses[i, 0], state.poses[i, 1], rooms.outlines, first, last)

@@ -42,7 +42,7 @@ class BatchState(NamedTuple):
     """(n,) float64: remaining time (s); infinite in tasks without a time budget."""
 
 
-class Progress(NamedTuple):
+class ExplorationProgress(NamedTuple):
     """Ground truly covered and rooms truly entered by all robots, one row per robot."""
 
     ground: np.ndarray
@@ -109,7 +109,7 @@ def begin_stats(row: int, start: Pose, stats: EpisodeStats) -> None:
 
 @kernel()
 def update_stats(
-    i: int, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
+    i: int, cell_area: float, state: BatchState, progress: ExplorationProgress, stats: EpisodeStats
 ) -> float:
     """Update robot i's statistics after a reading; return the distance driven since the last (m).
 
@@ -133,7 +133,11 @@ def update_stats(
 
 @kernel(nogil=True)
 def update_all_stats(
-    rows: np.ndarray, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
+    rows: np.ndarray,
+    cell_area: float,
+    state: BatchState,
+    progress: ExplorationProgress,
+    stats: EpisodeStats,
 ) -> None:
     """Update the statistics of robots `rows` in tasks without a reward."""
     for i in rows:

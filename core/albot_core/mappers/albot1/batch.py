@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.kernels.arguments import ArgumentsCache
-from albot_core.mappers.albot1.addresses import COLUMNS, RobotArrays, addresses_of
+from albot_core.mappers.albot1.addresses import COLUMNS, MapperArrays, addresses_of
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.handle_events import RobotMemory, handle_events
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
@@ -72,7 +72,7 @@ class Albot1Batch:
         """What is known of the mappers by their name."""
         self.config = config or Albot1Config()
         self._limits = self.config.limits
-        self._arrays: list[RobotArrays] = []
+        self._arrays: list[MapperArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
         self._homes = np.zeros((count, 3))
         self._matched_readings = np.full(count, -1)
@@ -103,7 +103,7 @@ class Albot1Batch:
         for network in self._networks:
             parts = empty_map(), empty_view(), empty_exits()
             breadcrumbs = network.breadcrumbs
-            self._arrays.append(RobotArrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
+            self._arrays.append(MapperArrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
         for row in range(count):
             self._set_addresses(row)
         self._arguments_cache = ArgumentsCache(self._arguments)
@@ -278,7 +278,7 @@ class Albot1Batch:
         SCHEMA.check(state)
         pm, view, exits, network = rebuilt_arrays(state, self.config.places)
         breadcrumbs = network.breadcrumbs
-        arrays = RobotArrays(pm, view, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
+        arrays = MapperArrays(pm, view, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
         self._arrays[row] = arrays
         self._networks[row] = network
         self._forget_ways(row)
