@@ -107,7 +107,7 @@ def _observe_robots(
             cover(believed, i, belief, turn, sensor, state.ranges[i])
             _cover_truly(i, covered, sensor, state, progress)
         _enter_room(i, rooms, state, progress)
-        locate_home(belief, turn, state.home_places[i], state.homes[i])
+        locate_home(belief, turn, state.homes_in_map[i], state.homes_in_robot[i])
         _fill_sensed(i, layout, sources, observations[i])
         _fill_believed(i, layout, sources, observations[i])
         _fill_ground(i, layout, params, sources, observations[i])
@@ -167,7 +167,7 @@ def _find_ways(i: int, layout: Any, params: OccupancyParams, sources: Sources) -
     motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
     if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
         if layout.shortcut >= 0:
-            find_shortcut(occupancy, i, sources.search, state.home_places[i])
+            find_shortcut(occupancy, i, sources.search, state.homes_in_map[i])
         if layout.onward >= 0:
             find_onward(occupancy, i, sources.search, sources.believed)
 

@@ -22,13 +22,15 @@ class BatchState(NamedTuple):
     """(n, 3) float64: true poses (world frame)."""
     beliefs: np.ndarray
     """(n, 3) float64: believed poses (map frame)."""
-    home_places: np.ndarray
+    homes_in_map: np.ndarray
     """(n, 3) float64: believed poses of home (map frame)."""
     ways_home: np.ndarray
     """(n, 7) float64: believed ways home (see `albot_core.mappers.mapper`)."""
-    places: np.ndarray
-    """(n, 2) bool: whether the robot is in a place that it knows; whether it is lost."""
-    homes: np.ndarray
+    is_recognised: np.ndarray
+    """(n,) bool: whether the robot is in a place that it knows."""
+    is_lost: np.ndarray
+    """(n,) bool: whether the robot is lost."""
+    homes_in_robot: np.ndarray
     """(n, 3) float64: believed poses of home (robot frame); filled in during observation."""
     motions: np.ndarray
     """(n, 3) float64: motions that the odometers measured (m, rad)."""

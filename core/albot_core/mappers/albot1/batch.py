@@ -46,7 +46,7 @@ from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import LaserGeometry, Readings
 from albot_core.sensing.view import view_settings
 
-AFRESH = 0.2
+WAY_UPDATE_DISTANCE = 0.2
 """The way home is found anew after so much way (m)."""
 
 
@@ -74,9 +74,9 @@ class Albot1Batch:
         self._limits = self.config.limits
         self._arrays: list[MapperArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
-        self._homes = np.zeros((count, 3))
+        self._homes_in_map = np.zeros((count, 3))
         self._matched_readings = np.full(count, -1)
-        self._places = np.zeros((count, 2), np.bool_)
+        self._is_recognised = np.zeros(count, np.bool_)
         self._ways_home = np.full((count, 7), np.nan)
         self._next_exits = np.full((count, 4), np.nan)
         self._found_at = np.full((count, 2), np.inf)
@@ -114,9 +114,9 @@ class Albot1Batch:
         return self._robots.poses
 
     @property
-    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+    def homes_in_map(self) -> Float64[np.ndarray, "robots 3"]:
         """Where home is believed to be, in each one's map's frame. Written over by updates."""
-        return self._homes
+        return self._homes_in_map
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
@@ -129,7 +129,7 @@ class Albot1Batch:
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Bring `matched_readings` of some up to date."""
         for row in rows.tolist():
-            if self._places[row, 0]:
+            if self._is_recognised[row]:
                 matched = self._networks[row].match_reading(self.poses[row])
                 self._matched_readings[row] = -1 if matched is None else matched
 
@@ -139,9 +139,14 @@ class Albot1Batch:
         return self.updates + self._network_versions
 
     @property
-    def places(self) -> Bool[np.ndarray, "robots 2"]:
-        """Whether each knows its place from before; has lost its way. Written over."""
-        return self._places
+    def is_recognised(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each knows its place from before. Written over by updates."""
+        return self._is_recognised
+
+    @property
+    def is_lost(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each is lost. Written over by updates."""
+        return self._robots.is_lost
 
     @property
     def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
@@ -149,13 +154,13 @@ class Albot1Batch:
         return self._ways_home
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the way home of those that have gone on (AFRESH), or whose network has changed.
+        """Find the way home of those that have gone on, or whose network has changed.
 
         The next exit is that of when the network last changed, as it does with each exit
         crossed: within a place the way does not turn round for another exit. There is none where
         the path says that home is at hand, even if the place is taken for another than home.
         """
-        gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
+        gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > WAY_UPDATE_DISTANCE
         for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
             network = self._networks[row]
             has_changed = self._versions[row] != network.version
@@ -311,11 +316,11 @@ class Albot1Batch:
     def _note_places(self, row: int) -> None:
         """Note what the network says of home and of the present place."""
         network = self._networks[row]
-        self._homes[row] = network.home
+        self._homes_in_map[row] = network.home
         matched = network.match_reading(self.poses[row])
         self._matched_readings[row] = -1 if matched is None else matched
         self._network_versions[row] = network.version
-        self._places[row] = matched is not None, network.lost_since > 0
+        self._is_recognised[row] = matched is not None
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
         robots.map_to_graph[row] = network.map_to_graph
