@@ -216,8 +216,8 @@ def notes_of(
         fault = clock_fault(truth.stamps, "pose")
         what = "the reference's poses" if reference is None else f"the poses of {reference.name}"
         if fault is not None or not has_clock:
-            told = f" ({fault})" if fault is not None and has_clock else ""
-            notes.append(f"{what} are {pair_moments(log.stamps, truth.stamps).how}{told}")
+            remark = f" ({fault})" if fault is not None and has_clock else ""
+            notes.append(f"{what} are {pair_moments(log.stamps, truth.stamps).how}{remark}")
     if relations is not None and not has_clock:
         error = relation_error(log.odometry_trajectory, relations)
         lost = len(relations.stamps) - (error.count if error else 0)

@@ -143,14 +143,14 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
     if mapped.corrected is not None:
         corrected = score(mapped.corrected, source.reference, source.relations)
     odometry = score(log.odometry_trajectory, source.reference, None)
-    told = report(log, mapped, online, corrected, odometry)
-    figures = no_figures(run) | {key: told[key] for key in KEPT}
+    reported = report(log, mapped, online, corrected, odometry)
+    figures = no_figures(run) | {key: reported[key] for key in KEPT}
     path = mapped.corrected or mapped.believed
     figures |= {
         "unaligned_rmse_m": _unaligned(mapped.believed, source.reference),
         "corrected_map_entropy": None if mapped.corrected is None else _entropy(log, path),
         "map_bytes": sum(array.nbytes for array in mapped.mapper.state().values()),
-        "readings_per_second": told["scans_per_second"],
+        "readings_per_second": reported["scans_per_second"],
         "slowest_reading_ms": 1e3 * mapped.slowest,
         "peak_mib": _peak_mib(),
     }

@@ -116,13 +116,13 @@ def _right_and_told(world: World, placed: list[PlacedTour]) -> list[bool]:
 
 def _figures(world: World, placed: list[PlacedTour]) -> dict[str, Figures]:
     """The figures of one mapper, over the seeds."""
-    told = [story(each.events) == STORY for each in placed]
+    is_explained = [story(each.events) == STORY for each in placed]
     return {
         "path_m": round(float(np.median([each.journey.path_length for each in placed])), 1),
         "places": int(np.median([len(each.place_graph.nodes) for each in placed])),
         "links": int(np.median([len(each.place_graph.links) for each in placed])),
         "network_right": round(float(np.mean([each.is_right(world) for each in placed])), 3),
-        "story_told": round(float(np.mean(told)), 3),
+        "story_told": round(float(np.mean(is_explained)), 3),
         "both": round(float(np.mean(_right_and_told(world, placed))), 3),
     }
 

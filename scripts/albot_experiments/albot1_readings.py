@@ -59,11 +59,11 @@ class Tally:
 
     def figures(self) -> dict[str, Figures]:
         """The medians; of shares the means."""
-        told: dict[str, Figures] = {}
+        medians: dict[str, Figures] = {}
         for name, values in self.values.items():
             middle = np.mean(values) if name.startswith("share_") else np.median(values)
-            told[name.removeprefix("share_")] = round(float(middle), 3)
-        return told
+            medians[name.removeprefix("share_")] = round(float(middle), 3)
+        return medians
 
 
 def config_of(preset: str, readings: tuple[str, ...]) -> Albot1Config:

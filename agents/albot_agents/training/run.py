@@ -206,7 +206,7 @@ class TrainingRun:
     def _export(self) -> AgentFile:
         """Return the agent of the last snapshot."""
         snapshot = self._snapshot
-        told = TrainingFacts(
+        facts = TrainingFacts(
             plan=self._plan,
             command=self._command,
             samples=snapshot.samples,
@@ -215,7 +215,7 @@ class TrainingRun:
             curve=(self._evaluations or self._episode_log).curve,
             **machine_facts(),
         )
-        return self._exporter.agent(snapshot.weights, told)
+        return self._exporter.agent(snapshot.weights, facts)
 
     @property
     def _episodes(self) -> int:
@@ -250,17 +250,17 @@ class TrainingRun:
     def _progress_note(self) -> str:
         """Return the state of the training as text."""
         stages, rate = len(self._plan.stages), self._curriculum.success_rate
-        told = [f"stage {self._curriculum.stage + 1} of {stages}"] if stages > 1 else []
-        told.append(f"{self._episodes:,} episodes")
+        notes = [f"stage {self._curriculum.stage + 1} of {stages}"] if stages > 1 else []
+        notes.append(f"{self._episodes:,} episodes")
         mean_return = self._curriculum.mean_return
         if mean_return is not None:
-            told.append(f"return {mean_return:.2f}")
+            notes.append(f"return {mean_return:.2f}")
         if rate is not None:
-            told.append(f"{rate:.0%} success")
+            notes.append(f"{rate:.0%} success")
         measured = (self._evaluations.last if self._evaluations else {}).get("success_rate")
         if measured is not None:
-            told.append(f"{measured:.0%} in the evaluation")
-        return ", ".join(told)
+            notes.append(f"{measured:.0%} in the evaluation")
+        return ", ".join(notes)
 
     def _next_seed(self) -> int:
         """Return the environments' seed from the current sample on."""

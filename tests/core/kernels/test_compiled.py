@@ -99,5 +99,5 @@ def test_a_kernel_that_makes_arrays_must_say_so() -> None:
 def test_a_signal_is_raised_where_the_call_returned() -> None:
     words = [sys.executable, "-m", interrupted.__name__]
     root = Path(__file__).parents[3]
-    told = subprocess.run(words, cwd=root, check=True, capture_output=True, text=True)
-    assert told.stdout == f"{interrupted.ROUNDS}\n"
+    done = subprocess.run(words, cwd=root, check=True, capture_output=True, text=True)
+    assert done.stdout == f"{interrupted.ROUNDS}\n"

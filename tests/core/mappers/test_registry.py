@@ -201,7 +201,7 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> type[OutsideBatch]:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "message"),
     [
         ("poses", np.zeros((COUNT, 2)), r"float64 of shape \(3, 3\), found one of float64 of"),
         ("poses", np.zeros((COUNT, 3), np.float32), "found one of float32"),
@@ -214,10 +214,14 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> type[OutsideBatch]:
     ],
 )
 def test_arrays_have_their_type_and_shape(
-    outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch, name: str, value: Any, told: str
+    outside: type[OutsideBatch],
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    value: Any,
+    message: str,
 ) -> None:
     monkeypatch.setattr(outside, "begin", lambda self: setattr(self, name, value))
-    with pytest.raises(InputError, match=f"^mapper odd, batch, {name}: expected .*{told}"):
+    with pytest.raises(InputError, match=f"^mapper odd, batch, {name}: expected .*{message}"):
         make_mappers("odd", COUNT)
 
 

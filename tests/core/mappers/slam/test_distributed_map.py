@@ -134,20 +134,20 @@ class Filter:
 @st.composite
 def generations(draw):
     """What happens in a run: how many descendants each particle has, and what each sees then."""
-    count, told = 1, []
+    count, knowledge = 1, []
     for _ in range(draw(st.integers(1, 12))):
         parents = draw(st.lists(st.integers(0, count - 1), min_size=1, max_size=MOST))
         descendants = np.bincount(parents, minlength=count).tolist()
         count = sum(descendants)
         square = st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.floats(0.01, 1.0))
         seen = draw(st.lists(st.lists(square, max_size=4), min_size=count, max_size=count))
-        told.append((descendants, seen))
-    return told
+        knowledge.append((descendants, seen))
+    return knowledge
 
 
-def led(told) -> Filter:
+def led(knowledge) -> Filter:
     filtered = Filter()
-    for descendants, seen in told:
+    for descendants, seen in knowledge:
         filtered.resample(descendants)
         for particle, squares in enumerate(seen):
             for row, column, distance in squares:
@@ -158,8 +158,8 @@ def led(told) -> Filter:
 
 @settings(max_examples=150, deadline=None)
 @given(generations())
-def test_each_particle_knows_what_it_would_in_a_map_of_its_own(told):
-    led(told).check()
+def test_each_particle_knows_what_it_would_in_a_map_of_its_own(knowledge):
+    led(knowledge).check()
 
 
 def random_run(seed: int, rounds: int, squares: int) -> Filter:
