@@ -106,8 +106,8 @@ def advance(
 
     In each step the odometers count the wheels' motion, the wheels approach their targets at
     `acceleration` (m/s²), and the bodies move, in one or more of Chipmunk's steps. `arguments`
-    holds `ChipmunkInterface`, `SpaceTables`, `RobotArrays`, the odometer's constants and the wheel
-    base (m).
+    holds `ChipmunkInterface`, `SpaceTables`, `RobotArrays`, `OdometerConstants` and the wheel base
+    (m).
     """
     chipmunk, tables, robots, errors, base = unpack(arguments)
     gain = acceleration * duration
