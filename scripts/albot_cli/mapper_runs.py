@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from albot_agents.workers import TaskRunner, run_parallel
-from albot_cli.map_report import report, run_mapper, score, warm_up
+from albot_cli.map_report import report, score
+from albot_cli.mapping_run import run_mapper, warm_up
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
