@@ -68,7 +68,7 @@ class RobotArrays(NamedTuple):
     wheels: np.ndarray
     """(n, 2) float64: wheel speeds left, right (m/s)."""
     counts: np.ndarray
-    """(n, COUNTS) float64: odometer counts (see `odometer`)."""
+    """(n,) of ODOMETER_COUNT: counts of the odometers."""
     states: np.ndarray
     """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame), as in
     pymunk's bodies."""

@@ -1,6 +1,6 @@
 """The odometer: the robot's motion as measured by its wheel encoders.
 
-A robot's count is a row of COUNTS numbers. In each physics step `roll_wheels` adds the wheels'
+A robot's count is a record (`ODOMETER_COUNT`). In each physics step `roll_wheels` adds the wheels'
 motion with all systematic errors, without random numbers. `read_odometer` adds the random errors
 and restarts the count. An episode begins with a count of zeros and a reading before the wheels
 turn; that reading draws the episode's constants.
@@ -212,15 +212,27 @@ error. They make measured left turns too large; the paper does not give the dire
 """
 
 
-X, Y, HEADING, WAY, TURNING, LEFT_WAY, RIGHT_WAY = range(7)
-"""Counted since the last reading: position and heading in the robot's frame at that reading
-(m, rad), absolute distance and turning (m, rad), and the absolute distance of each wheel (m)."""
-LEFT_REST, RIGHT_REST, CASTER, SLIPS, ROLLED, NEXT_SLIP, DISTANCE, TURN = range(7, 15)
-"""Kept over the episode: the remainder of each wheel after its last tick (m); the caster's angle
-(rad); the number of slips, the distance so far and the distance at the next slip (m); and the
-ratios of distance and turn, zero until they are drawn."""
-COUNTS = 15
-"""Number of values in a count."""
+ODOMETER_COUNT = np.dtype(
+    [
+        # Counted since the last reading:
+        ("x", np.float64),  # position in the robot's frame at that reading (m)
+        ("y", np.float64),
+        ("heading", np.float64),  # in the same frame (rad)
+        ("way", np.float64),  # absolute distance (m)
+        ("turning", np.float64),  # absolute turning (rad)
+        ("left_way", np.float64),  # absolute distance of each wheel (m)
+        ("right_way", np.float64),
+        # Kept over the episode:
+        ("left_rest", np.float64),  # remainder of each wheel after its last tick (m)
+        ("right_rest", np.float64),
+        ("caster", np.float64),  # angle of the caster (rad)
+        ("slips", np.float64),  # number of slips
+        ("rolled", np.float64),  # distance so far (m)
+        ("next_slip", np.float64),  # distance at the next slip (m)
+        ("distance_ratio", np.float64),  # measured over true distance; 0 until it is drawn
+        ("turn_ratio", np.float64),  # measured over true turn; 0 until it is drawn
+    ]
+)
 
 ODOMETER_DRAWS = 2
 """Number of random numbers that a reading draws."""
@@ -242,7 +254,7 @@ _CASTER_STEP = 0.2
 
 @kernel()
 def roll_wheels(
-    count: np.ndarray, left: float, right: float, duration: float, errors: OdometerConstants
+    count: Any, left: float, right: float, duration: float, errors: OdometerConstants
 ) -> None:
     """Add the wheels' motion at these speeds (m/s) for `duration` (s) to the count."""
     if left == 0.0 and right == 0.0:
@@ -258,32 +270,30 @@ def roll_wheels(
 
 @kernel()
 def _roll_with_rarer_errors(
-    count: np.ndarray, left: float, right: float, duration: float, errors: OdometerConstants
+    count: Any, left: float, right: float, duration: float, errors: OdometerConstants
 ) -> None:
     """Add the wheels' measured distances (m) in `duration` (s), with the rarer errors too."""
     if errors.tick > 0.0:
-        left = _whole_ticks(count, LEFT_REST, left, errors.tick)
-        right = _whole_ticks(count, RIGHT_REST, right, errors.tick)
+        left, count.left_rest = _whole_ticks(left + count.left_rest, errors.tick)
+        right, count.right_rest = _whole_ticks(right + count.right_rest, errors.tick)
     turn = (right - left) / errors.base + errors.heading_bias * duration
     distance = (left + right) / 2
     if errors.caster_drag > 0.0:
-        angle = caster_angle_after(count[CASTER], distance, turn)
-        turn -= errors.caster_drag * (angle - count[CASTER])
-        count[CASTER] = angle
-    count[LEFT_WAY] += abs(left)
-    count[RIGHT_WAY] += abs(right)
-    if count[DISTANCE] != 0.0:
-        distance, turn = distance * count[DISTANCE], turn * count[TURN]
+        angle = caster_angle_after(count.caster, distance, turn)
+        turn -= errors.caster_drag * (angle - count.caster)
+        count.caster = angle
+    count.left_way += abs(left)
+    count.right_way += abs(right)
+    if count.distance_ratio != 0.0:
+        distance, turn = distance * count.distance_ratio, turn * count.turn_ratio
     _move(count, distance, turn)
 
 
 @kernel()
-def _whole_ticks(count: np.ndarray, rest: int, way: float, tick: float) -> float:
-    """Return the distance (m) of the whole ticks that a wheel passes; keep the remainder."""
-    count[rest] += way
-    whole: float = math.floor(count[rest] / tick) * tick
-    count[rest] -= whole
-    return whole
+def _whole_ticks(way: float, tick: float) -> tuple[float, float]:
+    """Return the distance (m) of the whole ticks on a wheel's way, and the remainder."""
+    whole = math.floor(way / tick) * tick
+    return whole, way - whole
 
 
 @kernel()
@@ -319,23 +329,23 @@ def _caster_rate(angle: float, distance: float, turn: float) -> float:
 
 
 @kernel()
-def _move(count: np.ndarray, distance: float, turn: float) -> None:
+def _move(count: Any, distance: float, turn: float) -> None:
     """Add an arc of length `distance` (m) and angle `turn` (rad)."""
     half = turn / 2
     length = distance * math.sin(half) / half if half else distance
-    count[X] += length * math.cos(count[HEADING] + half)
-    count[Y] += length * math.sin(count[HEADING] + half)
-    count[HEADING] += turn
-    count[WAY] += abs(distance)
-    count[TURNING] += abs(turn)
+    count.x += length * math.cos(count.heading + half)
+    count.y += length * math.sin(count.heading + half)
+    count.heading += turn
+    count.way += abs(distance)
+    count.turning += abs(turn)
 
 
 @kernel()
 def read_odometer(
-    count: np.ndarray, errors: OdometerConstants, key: np.uint64, counter: int, motion: np.ndarray
+    count: Any, errors: OdometerConstants, key: np.uint64, counter: int, motion: np.ndarray
 ) -> None:
     """Write the measured motion, with its random error, and restart the count."""
-    if count[DISTANCE] == 0.0:
+    if count.distance_ratio == 0.0:
         _begin_episode(count, errors, key)
     noise_along, noise_heading = draw_normals(key, counter)
     along, error = _random_errors(count, errors, noise_along, noise_heading)
@@ -344,37 +354,37 @@ def read_odometer(
         along, error = along + excess, error + turn
     # The heading error grew on the way: half of it turns the displacement, too.
     cos, sin = math.cos(error / 2), math.sin(error / 2)
-    x, y = count[X], count[Y]
+    x, y = count.x, count.y
     reach = length_of(x, y)
     if reach > 0.0:
         x, y = x + along * x / reach, y + along * y / reach
     motion[0], motion[1] = rotate(cos, sin, x, y)
-    motion[2] = wrap_angle(count[HEADING] + error)
-    for i in range(RIGHT_WAY + 1):
-        count[i] = 0.0
+    motion[2] = wrap_angle(count.heading + error)
+    count.x = count.y = count.heading = count.way = count.turning = 0.0
+    count.left_way = count.right_way = 0.0
 
 
 @kernel()
-def _begin_episode(count: np.ndarray, errors: OdometerConstants, key: np.uint64) -> None:
+def _begin_episode(count: Any, errors: OdometerConstants, key: np.uint64) -> None:
     """Draw the episode's ratios of distance and turn, and the distance to the first slip."""
-    count[DISTANCE] = 1.0 + errors.distance_spread * (draw_uniform(key, _EPISODE) - 0.5)
-    count[TURN] = 1.0 + errors.turn_spread * (draw_uniform(key, _EPISODE + 1) - 0.5)
-    count[NEXT_SLIP] = errors.slip_gap * _draw_exponential(key, _SLIPS)
+    count.distance_ratio = 1.0 + errors.distance_spread * (draw_uniform(key, _EPISODE) - 0.5)
+    count.turn_ratio = 1.0 + errors.turn_spread * (draw_uniform(key, _EPISODE + 1) - 0.5)
+    count.next_slip = errors.slip_gap * _draw_exponential(key, _SLIPS)
 
 
 @kernel()
 def _random_errors(
-    count: np.ndarray, errors: OdometerConstants, noise_along: float, noise_heading: float
+    count: Any, errors: OdometerConstants, noise_along: float, noise_heading: float
 ) -> tuple[float, float]:
     """Return random errors of distance (m) and heading (rad) from two standard normal numbers."""
-    along = errors.distance_noise * math.sqrt(count[WAY])
-    drift = math.sqrt(errors.drift_noise**2 * count[WAY] + errors.turn_noise**2 * count[TURNING])
+    along = errors.distance_noise * math.sqrt(count.way)
+    drift = math.sqrt(errors.drift_noise**2 * count.way + errors.turn_noise**2 * count.turning)
     if errors.wheel_noise == 0.0:
         return along * noise_along, noise_heading * drift
     # Half the sum and the difference of the two wheels' errors are correlated if one wheel rolls
     # farther than the other.
-    left = errors.wheel_noise**2 * count[LEFT_WAY]
-    right = errors.wheel_noise**2 * count[RIGHT_WAY]
+    left = errors.wheel_noise**2 * count.left_way
+    right = errors.wheel_noise**2 * count.right_way
     base = errors.base
     drift = math.sqrt(drift**2 + (left + right) / base**2)
     shared = (right - left) / (2 * base) / drift if drift > 0.0 else 0.0
@@ -383,20 +393,18 @@ def _random_errors(
 
 
 @kernel()
-def _wheel_slip(
-    count: np.ndarray, errors: OdometerConstants, key: np.uint64
-) -> tuple[float, float]:
+def _wheel_slip(count: Any, errors: OdometerConstants, key: np.uint64) -> tuple[float, float]:
     """Return excess distance (m) and heading (rad) from wheel slips since the last reading."""
-    count[ROLLED] += (count[LEFT_WAY] + count[RIGHT_WAY]) / 2
+    count.rolled += (count.left_way + count.right_way) / 2
     along = turn = 0.0
-    while count[ROLLED] >= count[NEXT_SLIP]:
-        counter = _SLIPS + 3 * int(count[SLIPS])
+    while count.rolled >= count.next_slip:
+        counter = _SLIPS + 3 * int(count.slips)
         length = errors.slip_length * _draw_exponential(key, counter + 1)
         side = 1.0 if draw(key, counter + 2) >> np.uint64(63) else -1.0
         along += length / 2
         turn += side * length / errors.base
-        count[SLIPS] += 1.0
-        count[NEXT_SLIP] += errors.slip_gap * _draw_exponential(key, counter + 3)
+        count.slips += 1.0
+        count.next_slip += errors.slip_gap * _draw_exponential(key, counter + 3)
     return along, turn
 
 

@@ -218,8 +218,8 @@ class SensorOutputs(NamedTuple):
 def sense(rows: np.ndarray, arguments: KernelArguments) -> None:
     """Read the sensors of the robots `rows`, whose cells have been located.
 
-    `arguments` holds `poses` (n, 3), the world-frame poses; `counts` (n, COUNTS), the odometer
-    counts; `SensedWorld`; `SensorConstants`; and `SensorOutputs`.
+    `arguments` holds `poses` (n, 3), the world-frame poses; `counts` (n,) of
+    ODOMETER_COUNT; `SensedWorld`; `SensorConstants`; and `SensorOutputs`.
     """
     _, _, world, constants, _ = unpack(arguments)
     most = 0
