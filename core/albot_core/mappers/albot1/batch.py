@@ -15,7 +15,7 @@ from albot_core.mappers.albot1.addresses import COLUMNS, MapperArrays, addresses
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.handle_events import RobotMemory, handle_events
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
-from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES
+from albot_core.mappers.albot1.perceptual_map.mapping import MAPPING_PROGRESS
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
     clear_map,
@@ -85,7 +85,7 @@ class Albot1Batch:
         self._expecting = [-1] * count
         self._robots = BatchArrays(
             table=np.zeros((count, COLUMNS), np.int64),
-            progress=np.zeros((count, 5), np.int64),
+            progress=np.zeros(count, MAPPING_PROGRESS),
             odometers=np.tile(unknown_odometer(), (count, 1)),
             sectors=np.zeros((count, SECTORS)),
             since=np.zeros((count, 3)),
@@ -179,7 +179,7 @@ class Albot1Batch:
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """How often each has laid a view over its map. Written over by updates."""
-        return self._robots.progress[:, UPDATES]
+        return self._robots.progress["updates"]
 
     @property
     def segment_counts(self) -> Int64[np.ndarray, "robots"]:
@@ -189,7 +189,7 @@ class Albot1Batch:
     @property
     def lost(self) -> Int64[np.ndarray, "robots"]:
         """At how many views no landmark was recognised and path integration stood in."""
-        return self._robots.progress[:, UNRECOGNIZED]
+        return self._robots.progress["unrecognized"]
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
         """Let one forget everything. It draws no random number."""
@@ -271,7 +271,7 @@ class Albot1Batch:
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name."""
         pm, view, exits, _, _ = self._arrays[row]
-        rows = {name: getattr(self._robots, field)[row] for name, field in STORED_ROWS.items()}
+        rows = {name: self._stored_rows(field)[row] for name, field in STORED_ROWS.items()}
         return SCHEMA.arrays({**rows, **stored_arrays(pm, view, exits, self._networks[row])})
 
     def restore(self, row: int, state: Arrays) -> None:
@@ -289,10 +289,17 @@ class Albot1Batch:
         self._forget_ways(row)
         self._set_addresses(row)
         for name, field in STORED_ROWS.items():
-            getattr(self._robots, field)[row] = state[name]
+            self._stored_rows(field)[row] = state[name]
         self._robots.surfaces[row] = pm.counts[ALIVE]
         compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
         self.match_readings(np.array([row]))
+
+    def _stored_rows(self, field: str) -> np.ndarray:
+        """Return a field of `BatchArrays`; of records a view, with a column for each number."""
+        array: np.ndarray = getattr(self._robots, field)
+        if array.dtype.names is None:
+            return array
+        return array.view(array.dtype[0]).reshape(len(array), -1)
 
     def kept_way(self, row: int) -> dict[str, np.ndarray]:
         """Return the way home that one has found and may still use (see `find_ways`)."""
