@@ -101,7 +101,7 @@ class Named(Protocol):
 
 
 @pytest.mark.parametrize(
-    ("hint", "told"),
+    ("hint", "by_kind"),
     [
         (float | None, True),
         (Float[np.ndarray, "n 2"] | dict, True),
@@ -117,5 +117,5 @@ class Named(Protocol):
         (Float[Any, "n"], False),
     ],
 )
-def test_a_hint_is_told_by_kind_where_types_and_shapes_decide(hint: Any, told: bool) -> None:
-    assert is_told_by_kind(hint) == told
+def test_a_hint_is_told_by_kind_where_types_and_shapes_decide(hint: Any, by_kind: bool) -> None:
+    assert is_told_by_kind(hint) == by_kind

@@ -99,8 +99,8 @@ def test_what_is_no_number_is_refused_by_the_fields_name(
             continue
         with pytest.raises(InputError) as refused:
             unchecked(object.__new__(type(example)), **given | {name: wrong})
-        told = f"{refused.value.source}, {refused.value.place}"
-        assert name in told, told
+        place = f"{refused.value.source}, {refused.value.place}"
+        assert name in place, place
         assert refused.value.found in (str(wrong), repr(wrong))
 
 

@@ -65,18 +65,18 @@ def activity_from_message(content: Any, where: Location) -> Activity:
     Raises:
         InputError: The message violates its schema; the error names the place.
     """
-    told = read_record(_FIELDS, content, where)
+    fields = read_record(_FIELDS, content, where)
     for name in ("rows", "columns"):
-        if not 0 < told[name] <= MOST_CELLS:
-            raise where.at(name).error(f"a number from 1 to {MOST_CELLS}", str(told[name]))
-    values = np.zeros((told["rows"], told["columns"]), np.float32)
-    for cell in told["active"]:
+        if not 0 < fields[name] <= MOST_CELLS:
+            raise where.at(name).error(f"a number from 1 to {MOST_CELLS}", str(fields[name]))
+    values = np.zeros((fields["rows"], fields["columns"]), np.float32)
+    for cell in fields["active"]:
         if not 0 <= cell < values.size:
             raise where.at("active").error(f"numbers of {values.size} places", str(cell))
-    active = np.array(told["active"], np.int64)
-    amounts = read_array((len(active),), told["values"], where.at("values"))
-    packet = read_array((3,), told["packet"], where.at("packet"))
+    active = np.array(fields["active"], np.int64)
+    amounts = read_array((len(active),), fields["values"], where.at("values"))
+    packet = read_array((3,), fields["packet"], where.at("packet"))
     # Values beyond float32 become infinite.
     with where.relocate_errors(), np.errstate(over="ignore"):
         values.ravel()[active] = amounts
-        return Activity(cell=told["cell"], values=values, packet=packet)
+        return Activity(cell=fields["cell"], values=values, packet=packet)

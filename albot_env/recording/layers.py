@@ -186,14 +186,14 @@ def _read_graph(content: dict[str, Any], where: Location) -> PlaceGraph:
     nodes, edges = [], []
     for k, node in enumerate(content["nodes"]):
         at = where.at("nodes", k)
-        told = read_record(_NODE, node, at)
+        fields = read_record(_NODE, node, at)
         nodes.append(
             PlaceNode(
-                id=told["id"],
-                label=told["label"],
-                pose=_row(3, told, "pose", at),
-                middle=_row(2, told, "middle", at),
-                segments=_rows(4, told, "segments", at),
+                id=fields["id"],
+                label=fields["label"],
+                pose=_row(3, fields, "pose", at),
+                middle=_row(2, fields, "middle", at),
+                segments=_rows(4, fields, "segments", at),
             )
         )
     ids = {node.id for node in nodes}
@@ -201,22 +201,22 @@ def _read_graph(content: dict[str, Any], where: Location) -> PlaceGraph:
         raise where.at("nodes").error("ids of their own", "one twice")
     for k, edge in enumerate(content["edges"]):
         at = where.at("edges", k)
-        told = read_record(_EDGE, edge, at)
+        fields = read_record(_EDGE, edge, at)
         for name, known in (
             ("source", ids),
             ("target", ids),
             ("reverse", range(len(content["edges"]))),
         ):
-            if told[name] is not None and told[name] not in known:
-                raise at.at(name).error("the number of one that is there", str(told[name]))
-        doorway = None if told["doorway"] is None else _row(4, told, "doorway", at)
+            if fields[name] is not None and fields[name] not in known:
+                raise at.at(name).error("the number of one that is there", str(fields[name]))
+        doorway = None if fields["doorway"] is None else _row(4, fields, "doorway", at)
         edges.append(
             PlaceEdge(
-                source=told["source"],
-                target=told["target"],
-                motion=_row(3, told, "motion", at),
+                source=fields["source"],
+                target=fields["target"],
+                motion=_row(3, fields, "motion", at),
                 doorway=doorway,
-                reverse=told["reverse"],
+                reverse=fields["reverse"],
             )
         )
     for name in ("current", "home"):

@@ -92,8 +92,8 @@ class EpisodeReader:
             elif topic == "/albot/activity":
                 activity = activity_from_message(content, where)
             elif topic == "/albot/things":
-                told = read_record({"segments": Any}, content, where)
-                obstacles = read_array((None, 4), told["segments"], where.at("segments"))
+                fields = read_record({"segments": Any}, content, where)
+                obstacles = read_array((None, 4), fields["segments"], where.at("segments"))
             elif topic == "/albot/step":
                 step = read_record(_STEP, content, where, others=True)
                 moment = self._moment(step, scan, where)
@@ -152,8 +152,8 @@ class EpisodeReader:
         )
 
     def _scan(self, content: Any, where: Location) -> LaserScan:
-        told = read_record({"ranges": Any}, content, where, others=True)
-        ranges = read_array((None,), told["ranges"], where.at("ranges"))
+        fields = read_record({"ranges": Any}, content, where, others=True)
+        ranges = read_array((None,), fields["ranges"], where.at("ranges"))
         ranges[ranges == 0] = np.inf
         if self.header.laser is None:
             raise where.error("no scan, as the header knows no laser", "one")
@@ -292,8 +292,8 @@ def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
 def _unpacked_size(chunk: Chunk) -> int:
     """Return a chunk's unpacked size: as declared, or as its data implies, which is what counts."""
     if chunk.compression == "zstd":
-        told = zstandard.frame_content_size(chunk.data)
-        return chunk.uncompressed_size if told < 0 else max(told, chunk.uncompressed_size)
+        size = zstandard.frame_content_size(chunk.data)
+        return chunk.uncompressed_size if size < 0 else max(size, chunk.uncompressed_size)
     if chunk.compression == "lz4":
         return len(chunk.data) * _LZ4_RATIO
     return chunk.uncompressed_size

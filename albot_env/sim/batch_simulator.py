@@ -28,7 +28,7 @@ from albot_env.sim.chipmunk import (
 )
 from albot_env.sim.command_log import CommandLog, Targets
 from albot_env.sim.obstacles import DynamicObstacles, ObstacleSnapshot
-from albot_env.sim.odometer import COUNTS
+from albot_env.sim.odometer import ODOMETER_COUNT
 from albot_env.sim.physics import MAX_ROBOTS, PHYSICS_STEP, PhysicsSpaces
 from albot_env.sim.sensing import SensorSuite
 from albot_env.sim.sensors import Sensors
@@ -45,8 +45,8 @@ class RobotSnapshot(NamedTuple):
     """Key of the robot's noise."""
     readings: int
     """Number of readings taken since the robot was placed."""
-    counts: Float64[np.ndarray, "counts"]
-    """Counts of its odometer (see `odometer`)."""
+    odometer: np.ndarray
+    """Count of its odometer, one ODOMETER_COUNT."""
     obstacles: ObstacleSnapshot
     """State of the obstacles around it."""
 
@@ -142,7 +142,7 @@ class BatchSimulator:
         self._robots = RobotArrays(
             targets=np.zeros((robots, 2)),
             wheels=np.zeros((robots, 2)),
-            counts=np.zeros((robots, COUNTS)),
+            counts=np.zeros(robots, ODOMETER_COUNT),
             states=np.zeros((robots, 6)),
             poses=np.zeros((robots, 3)),
             touched=np.zeros((robots, 2), np.bool_),
@@ -252,7 +252,7 @@ class BatchSimulator:
             pose=self.states[row, :3].copy(),
             key=int(outputs.keys[row]),
             readings=int(outputs.readings[row]),
-            counts=self._robots.counts[row].copy(),
+            odometer=self._robots.counts[row, ...].copy(),
             obstacles=self._obstacles.snapshot(row),
         )
 
@@ -263,7 +263,7 @@ class BatchSimulator:
         the original one, to the bit; pushed obstacles lose pymunk's memory of their last contacts.
         """
         self.place(row, world, snapshot.pose, snapshot.key)
-        self._robots.counts[row] = snapshot.counts
+        self._robots.counts[row] = snapshot.odometer
         self._sensors.outputs.readings[row] = snapshot.readings
         self._obstacles.restore(row, snapshot.obstacles)
         self._placements[row] = Placement(snapshot.pose, snapshot.key, snapshot.obstacles)
@@ -279,8 +279,9 @@ class BatchSimulator:
         return SimulatorState(
             placement=placement,
             targets=self._log.of(row),
-            robot={name: np.array(getattr(robots, name)[row]) for name in _KEPT_OF_ROBOTS},
-            sensors={name: np.array(getattr(outputs, name)[row]) for name in _KEPT_OF_SENSORS},
+            # With the ellipsis a record, too, is an array, of which `copy` makes a copy.
+            robot={name: getattr(robots, name)[row, ...].copy() for name in _KEPT_OF_ROBOTS},
+            sensors={name: getattr(outputs, name)[row, ...].copy() for name in _KEPT_OF_SENSORS},
         )
 
     def set_state(self, row: int, world: World, state: SimulatorState) -> None:

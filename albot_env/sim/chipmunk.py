@@ -68,7 +68,7 @@ class RobotArrays(NamedTuple):
     wheels: np.ndarray
     """(n, 2) float64: wheel speeds left, right (m/s)."""
     counts: np.ndarray
-    """(n, COUNTS) float64: odometer counts (see `odometer`)."""
+    """(n,) of ODOMETER_COUNT: counts of the odometers."""
     states: np.ndarray
     """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame), as in
     pymunk's bodies."""
@@ -106,8 +106,8 @@ def advance(
 
     In each step the odometers count the wheels' motion, the wheels approach their targets at
     `acceleration` (m/s²), and the bodies move, in one or more of Chipmunk's steps. `arguments`
-    holds `ChipmunkInterface`, `SpaceTables`, `RobotArrays`, the odometer's constants and the wheel
-    base (m).
+    holds `ChipmunkInterface`, `SpaceTables`, `RobotArrays`, `OdometerConstants` and the wheel base
+    (m).
     """
     chipmunk, tables, robots, errors, base = unpack(arguments)
     gain = acceleration * duration

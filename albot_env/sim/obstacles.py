@@ -20,7 +20,7 @@ from albot_env.sim.obstacle_kernels import (
     update_outlines,
 )
 from albot_env.sim.obstacle_tables import SIDES, ObstacleStore, ObstacleTables
-from albot_env.sim.physics import PhysicsSpace
+from albot_env.sim.physics import PhysicsSpace, PymunkObject
 from albot_maps.movables import Box, Door, Walker
 from albot_maps.world import World
 
@@ -32,8 +32,6 @@ _WALKER_MASS = 75.0
 """Mass of a walker (kg)."""
 _WALKER_THRUST = 5.0
 """Maximum acceleration that a walker's legs can produce (m/s²)."""
-
-Parts = list[pymunk.Body | pymunk.Shape | pymunk.Constraint]
 
 
 class ObstacleSnapshot(NamedTuple):
@@ -65,7 +63,7 @@ class DynamicObstacles:
         self._radius = radius
         self._store = ObstacleStore(robots)
         self._spaces: list[PhysicsSpace | None] = [None] * robots
-        self._parts: list[Parts] = [[] for _ in range(robots)]
+        self._parts: list[list[PymunkObject]] = [[] for _ in range(robots)]
         self._legs: list[list[pymunk.Body]] = [[] for _ in range(robots)]
         self._leg_spaces: list[pymunk.Space | None] = [None] * robots
         self.present: Bool[np.ndarray, "robots"] = np.zeros(robots, np.bool_)
@@ -219,7 +217,7 @@ class DynamicObstacles:
             indices = indices[len(table) :]
 
 
-def door_parts(door: Door, angle: float) -> tuple[pymunk.Body, Parts]:
+def door_parts(door: Door, angle: float) -> tuple[pymunk.Body, list[PymunkObject]]:
     """Return a leaf at an angle (rad): a segment about its hinge that nothing can push."""
     body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
     body.position, body.angle = door.hinge, angle
@@ -228,7 +226,7 @@ def door_parts(door: Door, angle: float) -> tuple[pymunk.Body, Parts]:
     return body, [body, leaf]
 
 
-def box_parts(box: Box, ground: pymunk.Body) -> tuple[pymunk.Body, Parts]:
+def box_parts(box: Box, ground: pymunk.Body) -> tuple[pymunk.Body, list[PymunkObject]]:
     """Return a box at its start, with two joints that stand for its friction on the floor."""
     size = box.length, box.width
     body = pymunk.Body(box.mass, pymunk.moment_for_box(box.mass, size))
@@ -257,7 +255,7 @@ def lever(length: float, width: float) -> float:
 
 def walker_parts(
     walker: Walker, at: tuple[float, float], legs: pymunk.Body
-) -> tuple[pymunk.Body, Parts]:
+) -> tuple[pymunk.Body, list[PymunkObject]]:
     """Return a walker at x, y: a polygon that does not turn and that its legs pull along."""
     body = pymunk.Body(_WALKER_MASS, math.inf)
     body.position = at

@@ -1,6 +1,6 @@
 """The odometer: the robot's motion as measured by its wheel encoders.
 
-A robot's count is a row of COUNTS numbers. In each physics step `roll_wheels` adds the wheels'
+A robot's count is a record (`ODOMETER_COUNT`). In each physics step `roll_wheels` adds the wheels'
 motion with all systematic errors, without random numbers. `read_odometer` adds the random errors
 and restarts the count. An episode begins with a count of zeros and a reading before the wheels
 turn; that reading draws the episode's constants.
@@ -15,10 +15,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.pose_kernels import length_of, rotate, wrap_angle
@@ -92,23 +91,54 @@ class OdometerConfig:
             expected = "both slip_rate and slip_length above 0, or neither"
             raise InputError("OdometerConfig.slip_length", expected, str(self.slip_length))
 
-    def constants(self, wheel_base: float) -> Float64[np.ndarray, "15"]:
-        """Return the constants of the compiled odometer, for a wheel base (m).
-
-        In order: measured over true distance of the left wheel and of the right wheel, whose
-        diameters have the ratio 1 + wheel_difference and the given mean; the believed wheel base
-        (m); the heading bias; the three noises; the wheel noise; the tick; the caster drag; the
-        mean distance between slips (m) and their mean length (m); the two spreads; and whether any
-        value after the third noise is not zero.
-        """
+    def constants(self, wheel_base: float) -> OdometerConstants:
+        """Return the constants of the compiled odometer, for a wheel base (m)."""
         mean, ratio = 1 + self.scale_error, 1 + self.wheel_difference
-        left, right = (1 + ratio) / 2 / mean, (1 + ratio) / (2 * ratio) / mean
-        base = wheel_base / (1 + self.wheel_base_error)
-        noises = self.distance_noise, self.drift_noise, self.turn_noise
-        slips = 1 / self.slip_rate if self.slip_rate else 0.0, self.slip_length
-        spreads = self.distance_spread, self.turn_spread
-        rarer = (self.wheel_noise, self.tick, self.caster_drag, *slips, *spreads)
-        return np.array((left, right, base, self.heading_bias, *noises, *rarer, any(rarer)))
+        rarer = {
+            "wheel_noise": float(self.wheel_noise),
+            "tick": float(self.tick),
+            "caster_drag": float(self.caster_drag),
+            "slip_gap": 1 / self.slip_rate if self.slip_rate else 0.0,
+            "slip_length": float(self.slip_length),
+            "distance_spread": float(self.distance_spread),
+            "turn_spread": float(self.turn_spread),
+        }
+        return OdometerConstants(
+            left=(1 + ratio) / 2 / mean,
+            right=(1 + ratio) / (2 * ratio) / mean,
+            base=wheel_base / (1 + self.wheel_base_error),
+            heading_bias=float(self.heading_bias),
+            distance_noise=float(self.distance_noise),
+            drift_noise=float(self.drift_noise),
+            turn_noise=float(self.turn_noise),
+            **rarer,
+            has_rarer_errors=any(rarer.values()),
+        )
+
+
+class OdometerConstants(NamedTuple):
+    """Constants of the compiled odometer; see `OdometerConfig`."""
+
+    left: float
+    """Measured over true distance of the left wheel and of the right wheel, whose diameters have
+    the ratio 1 + wheel_difference and the given mean."""
+    right: float
+    base: float
+    """The believed wheel base (m)."""
+    heading_bias: float
+    distance_noise: float
+    drift_noise: float
+    turn_noise: float
+    wheel_noise: float
+    tick: float
+    caster_drag: float
+    slip_gap: float
+    """Mean distance between slips (m); 0 without slips."""
+    slip_length: float
+    distance_spread: float
+    turn_spread: float
+    has_rarer_errors: bool
+    """Whether any value after `turn_noise` is not zero."""
 
 
 _CALIBRATED = OdometerConfig(
@@ -182,20 +212,27 @@ error. They make measured left turns too large; the paper does not give the dire
 """
 
 
-X, Y, HEADING, WAY, TURNING, LEFT_WAY, RIGHT_WAY = range(7)
-"""Counted since the last reading: position and heading in the robot's frame at that reading
-(m, rad), absolute distance and turning (m, rad), and the absolute distance of each wheel (m)."""
-LEFT_REST, RIGHT_REST, CASTER, SLIPS, ROLLED, NEXT_SLIP, DISTANCE, TURN = range(7, 15)
-"""Kept over the episode: the remainder of each wheel after its last tick (m); the caster's angle
-(rad); the number of slips, the distance so far and the distance at the next slip (m); and the
-ratios of distance and turn, zero until they are drawn."""
-COUNTS = 15
-"""Number of values in a count."""
-
-LEFT, RIGHT, BASE, BIAS, ALONG_NOISE, DRIFT_NOISE, TURN_NOISE = range(7)
-WHEEL_NOISE, TICK, CASTER_DRAG, SLIP_GAP, SLIP_LENGTH = range(7, 12)
-DISTANCE_SPREAD, TURN_SPREAD, MORE = range(12, 15)
-"""Indices into `errors`, the numbers of `OdometerConfig.constants`."""
+ODOMETER_COUNT = np.dtype(
+    [
+        # Counted since the last reading:
+        ("x", np.float64),  # position in the robot's frame at that reading (m)
+        ("y", np.float64),
+        ("heading", np.float64),  # in the same frame (rad)
+        ("way", np.float64),  # absolute distance (m)
+        ("turning", np.float64),  # absolute turning (rad)
+        ("left_way", np.float64),  # absolute distance of each wheel (m)
+        ("right_way", np.float64),
+        # Kept over the episode:
+        ("left_rest", np.float64),  # remainder of each wheel after its last tick (m)
+        ("right_rest", np.float64),
+        ("caster", np.float64),  # angle of the caster (rad)
+        ("slips", np.float64),  # number of slips
+        ("rolled", np.float64),  # distance so far (m)
+        ("next_slip", np.float64),  # distance at the next slip (m)
+        ("distance_ratio", np.float64),  # measured over true distance; 0 until it is drawn
+        ("turn_ratio", np.float64),  # measured over true turn; 0 until it is drawn
+    ]
+)
 
 ODOMETER_DRAWS = 2
 """Number of random numbers that a reading draws."""
@@ -217,48 +254,46 @@ _CASTER_STEP = 0.2
 
 @kernel()
 def roll_wheels(
-    count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
+    count: Any, left: float, right: float, duration: float, errors: OdometerConstants
 ) -> None:
     """Add the wheels' motion at these speeds (m/s) for `duration` (s) to the count."""
     if left == 0.0 and right == 0.0:
         return
-    left *= duration * errors[LEFT]
-    right *= duration * errors[RIGHT]
-    if errors[MORE] != 0.0:
+    left *= duration * errors.left
+    right *= duration * errors.right
+    if errors.has_rarer_errors:
         _roll_with_rarer_errors(count, left, right, duration, errors)
         return
-    turn = (right - left) / errors[BASE] + errors[BIAS] * duration
+    turn = (right - left) / errors.base + errors.heading_bias * duration
     _move(count, (left + right) / 2, turn)
 
 
 @kernel()
 def _roll_with_rarer_errors(
-    count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
+    count: Any, left: float, right: float, duration: float, errors: OdometerConstants
 ) -> None:
     """Add the wheels' measured distances (m) in `duration` (s), with the rarer errors too."""
-    if errors[TICK] > 0.0:
-        left = _whole_ticks(count, LEFT_REST, left, errors[TICK])
-        right = _whole_ticks(count, RIGHT_REST, right, errors[TICK])
-    turn = (right - left) / errors[BASE] + errors[BIAS] * duration
+    if errors.tick > 0.0:
+        left, count.left_rest = _whole_ticks(left + count.left_rest, errors.tick)
+        right, count.right_rest = _whole_ticks(right + count.right_rest, errors.tick)
+    turn = (right - left) / errors.base + errors.heading_bias * duration
     distance = (left + right) / 2
-    if errors[CASTER_DRAG] > 0.0:
-        angle = caster_angle_after(count[CASTER], distance, turn)
-        turn -= errors[CASTER_DRAG] * (angle - count[CASTER])
-        count[CASTER] = angle
-    count[LEFT_WAY] += abs(left)
-    count[RIGHT_WAY] += abs(right)
-    if count[DISTANCE] != 0.0:
-        distance, turn = distance * count[DISTANCE], turn * count[TURN]
+    if errors.caster_drag > 0.0:
+        angle = caster_angle_after(count.caster, distance, turn)
+        turn -= errors.caster_drag * (angle - count.caster)
+        count.caster = angle
+    count.left_way += abs(left)
+    count.right_way += abs(right)
+    if count.distance_ratio != 0.0:
+        distance, turn = distance * count.distance_ratio, turn * count.turn_ratio
     _move(count, distance, turn)
 
 
 @kernel()
-def _whole_ticks(count: np.ndarray, rest: int, way: float, tick: float) -> float:
-    """Return the distance (m) of the whole ticks that a wheel passes; keep the remainder."""
-    count[rest] += way
-    whole: float = math.floor(count[rest] / tick) * tick
-    count[rest] -= whole
-    return whole
+def _whole_ticks(way: float, tick: float) -> tuple[float, float]:
+    """Return the distance (m) of the whole ticks on a wheel's way, and the remainder."""
+    whole = math.floor(way / tick) * tick
+    return whole, way - whole
 
 
 @kernel()
@@ -294,65 +329,63 @@ def _caster_rate(angle: float, distance: float, turn: float) -> float:
 
 
 @kernel()
-def _move(count: np.ndarray, distance: float, turn: float) -> None:
+def _move(count: Any, distance: float, turn: float) -> None:
     """Add an arc of length `distance` (m) and angle `turn` (rad)."""
     half = turn / 2
     length = distance * math.sin(half) / half if half else distance
-    count[X] += length * math.cos(count[HEADING] + half)
-    count[Y] += length * math.sin(count[HEADING] + half)
-    count[HEADING] += turn
-    count[WAY] += abs(distance)
-    count[TURNING] += abs(turn)
+    count.x += length * math.cos(count.heading + half)
+    count.y += length * math.sin(count.heading + half)
+    count.heading += turn
+    count.way += abs(distance)
+    count.turning += abs(turn)
 
 
 @kernel()
 def read_odometer(
-    count: np.ndarray, errors: np.ndarray, key: np.uint64, counter: int, motion: np.ndarray
+    count: Any, errors: OdometerConstants, key: np.uint64, counter: int, motion: np.ndarray
 ) -> None:
     """Write the measured motion, with its random error, and restart the count."""
-    if count[DISTANCE] == 0.0:
+    if count.distance_ratio == 0.0:
         _begin_episode(count, errors, key)
     noise_along, noise_heading = draw_normals(key, counter)
     along, error = _random_errors(count, errors, noise_along, noise_heading)
-    if errors[SLIP_LENGTH] > 0.0:
+    if errors.slip_length > 0.0:
         excess, turn = _wheel_slip(count, errors, key)
         along, error = along + excess, error + turn
     # The heading error grew on the way: half of it turns the displacement, too.
     cos, sin = math.cos(error / 2), math.sin(error / 2)
-    x, y = count[X], count[Y]
+    x, y = count.x, count.y
     reach = length_of(x, y)
     if reach > 0.0:
         x, y = x + along * x / reach, y + along * y / reach
     motion[0], motion[1] = rotate(cos, sin, x, y)
-    motion[2] = wrap_angle(count[HEADING] + error)
-    for i in range(RIGHT_WAY + 1):
-        count[i] = 0.0
+    motion[2] = wrap_angle(count.heading + error)
+    count.x = count.y = count.heading = count.way = count.turning = 0.0
+    count.left_way = count.right_way = 0.0
 
 
 @kernel()
-def _begin_episode(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> None:
+def _begin_episode(count: Any, errors: OdometerConstants, key: np.uint64) -> None:
     """Draw the episode's ratios of distance and turn, and the distance to the first slip."""
-    count[DISTANCE] = 1.0 + errors[DISTANCE_SPREAD] * (draw_uniform(key, _EPISODE) - 0.5)
-    count[TURN] = 1.0 + errors[TURN_SPREAD] * (draw_uniform(key, _EPISODE + 1) - 0.5)
-    count[NEXT_SLIP] = errors[SLIP_GAP] * _draw_exponential(key, _SLIPS)
+    count.distance_ratio = 1.0 + errors.distance_spread * (draw_uniform(key, _EPISODE) - 0.5)
+    count.turn_ratio = 1.0 + errors.turn_spread * (draw_uniform(key, _EPISODE + 1) - 0.5)
+    count.next_slip = errors.slip_gap * _draw_exponential(key, _SLIPS)
 
 
 @kernel()
 def _random_errors(
-    count: np.ndarray, errors: np.ndarray, noise_along: float, noise_heading: float
+    count: Any, errors: OdometerConstants, noise_along: float, noise_heading: float
 ) -> tuple[float, float]:
     """Return random errors of distance (m) and heading (rad) from two standard normal numbers."""
-    along = errors[ALONG_NOISE] * math.sqrt(count[WAY])
-    drift = math.sqrt(
-        errors[DRIFT_NOISE] ** 2 * count[WAY] + errors[TURN_NOISE] ** 2 * count[TURNING]
-    )
-    if errors[WHEEL_NOISE] == 0.0:
+    along = errors.distance_noise * math.sqrt(count.way)
+    drift = math.sqrt(errors.drift_noise**2 * count.way + errors.turn_noise**2 * count.turning)
+    if errors.wheel_noise == 0.0:
         return along * noise_along, noise_heading * drift
     # Half the sum and the difference of the two wheels' errors are correlated if one wheel rolls
     # farther than the other.
-    left = errors[WHEEL_NOISE] ** 2 * count[LEFT_WAY]
-    right = errors[WHEEL_NOISE] ** 2 * count[RIGHT_WAY]
-    base = errors[BASE]
+    left = errors.wheel_noise**2 * count.left_way
+    right = errors.wheel_noise**2 * count.right_way
+    base = errors.base
     drift = math.sqrt(drift**2 + (left + right) / base**2)
     shared = (right - left) / (2 * base) / drift if drift > 0.0 else 0.0
     own = math.sqrt(max(along**2 + (left + right) / 4 - shared**2, 0.0))
@@ -360,18 +393,18 @@ def _random_errors(
 
 
 @kernel()
-def _wheel_slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[float, float]:
+def _wheel_slip(count: Any, errors: OdometerConstants, key: np.uint64) -> tuple[float, float]:
     """Return excess distance (m) and heading (rad) from wheel slips since the last reading."""
-    count[ROLLED] += (count[LEFT_WAY] + count[RIGHT_WAY]) / 2
+    count.rolled += (count.left_way + count.right_way) / 2
     along = turn = 0.0
-    while count[ROLLED] >= count[NEXT_SLIP]:
-        counter = _SLIPS + 3 * int(count[SLIPS])
-        length = errors[SLIP_LENGTH] * _draw_exponential(key, counter + 1)
+    while count.rolled >= count.next_slip:
+        counter = _SLIPS + 3 * int(count.slips)
+        length = errors.slip_length * _draw_exponential(key, counter + 1)
         side = 1.0 if draw(key, counter + 2) >> np.uint64(63) else -1.0
         along += length / 2
-        turn += side * length / errors[BASE]
-        count[SLIPS] += 1.0
-        count[NEXT_SLIP] += errors[SLIP_GAP] * _draw_exponential(key, counter + 3)
+        turn += side * length / errors.base
+        count.slips += 1.0
+        count.next_slip += errors.slip_gap * _draw_exponential(key, counter + 3)
     return along, turn
 
 

@@ -46,7 +46,8 @@ _EMPTY_SPACES_KEPT = 64
 _NONE = -1
 """Marks a robot without a space, and a free slot."""
 
-Parts = tuple[pymunk.Body | pymunk.Shape | pymunk.Constraint, ...]
+PymunkObject = pymunk.Body | pymunk.Shape | pymunk.Constraint
+"""What a pymunk space holds."""
 
 
 def solver_steps(movables: Movables) -> int:
@@ -87,7 +88,7 @@ class PhysicsSpace:
             self.space.add(wall)
         self._wheel_space = pymunk.Space()
         self._wheels: list[pymunk.Body] = []
-        self._robot_parts: list[Parts] = []
+        self._robot_parts: list[tuple[PymunkObject, ...]] = []
         self._robots: dict[int, int] = {}
 
     @property

@@ -20,7 +20,7 @@ from albot_env.sim.chipmunk import RobotArrays
 from albot_env.sim.laser import beam_geometry, laser_wall_index
 from albot_env.sim.noise import normal_table
 from albot_env.sim.obstacle_tables import ObstacleTables
-from albot_env.sim.odometer import ODOMETER_DRAWS, read_odometer
+from albot_env.sim.odometer import ODOMETER_DRAWS, OdometerConstants, read_odometer
 from albot_env.sim.plane_geometry import transform_of
 from albot_env.sim.ray_casting import (
     BeamGeometry,
@@ -84,8 +84,8 @@ class SensorSuite:
         self._arguments = ArgumentsCache(self._arrange)
 
     @property
-    def odometer(self) -> Float64[np.ndarray, "constants"]:
-        """Error constants of the odometers (see `OdometerConfig.constants`)."""
+    def odometer(self) -> OdometerConstants:
+        """Constants of the odometers."""
         return self._constants.odometer
 
     def begin(self, row: int, world: World, key: int) -> None:
@@ -157,8 +157,7 @@ class SensorSuite:
 class SensorConstants(NamedTuple):
     """Constants of the sensors."""
 
-    odometer: np.ndarray
-    """Error constants of the odometer (see `OdometerConfig.constants`)."""
+    odometer: OdometerConstants
     beams: BeamGeometry
     """The laser's beams."""
     normals: np.ndarray
@@ -219,8 +218,8 @@ class SensorOutputs(NamedTuple):
 def sense(rows: np.ndarray, arguments: KernelArguments) -> None:
     """Read the sensors of the robots `rows`, whose cells have been located.
 
-    `arguments` holds `poses` (n, 3), the world-frame poses; `counts` (n, COUNTS), the odometer
-    counts; `SensedWorld`; `SensorConstants`; and `SensorOutputs`.
+    `arguments` holds `poses` (n, 3), the world-frame poses; `counts` (n,) of
+    ODOMETER_COUNT; `SensedWorld`; `SensorConstants`; and `SensorOutputs`.
     """
     _, _, world, constants, _ = unpack(arguments)
     most = 0

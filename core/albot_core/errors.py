@@ -66,6 +66,6 @@ def _shortened(text: str, longest: int = _LONGEST) -> str:
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
-def _one_line(told: object) -> str:
+def _one_line(value: object) -> str:
     """Return a value as one line of text, with unprintable characters escaped."""
-    return "".join(part if part.isprintable() else repr(part)[1:-1] for part in str(told))
+    return "".join(part if part.isprintable() else repr(part)[1:-1] for part in str(value))

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError, did_you_mean
-from albot_core.yaml_document import Steps, dotted, format_value
+from albot_core.yaml_document import KeyPath, dotted, format_value
 
 Config = TypeVar("Config")
 
@@ -35,9 +35,9 @@ class Location:
 
     source: object
     """The file."""
-    path: Steps = ()
+    path: KeyPath = ()
     """Keys and indices from the top."""
-    place: Callable[[Steps], str] = field(default=dotted)
+    place: Callable[[KeyPath], str] = field(default=dotted)
     """Turns a path into the text for errors."""
 
     def at(self, *steps: str | int) -> Location:
@@ -294,7 +294,7 @@ def deep_merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, An
     return {**base, **both}
 
 
-def differences(one: Any, other: Any, path: Steps = ()) -> list[str]:
+def differences(one: Any, other: Any, path: KeyPath = ()) -> list[str]:
     """Return the differences between plain data as text: `home_range 50, not 100`."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return [

@@ -20,7 +20,7 @@ _LARGEST_WHOLE = 2**63 - 1
 _DIGITS = 40
 """Longest integer that an error shows in full."""
 
-Steps = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """The path to a value from the top of a document: keys and indices."""
 
 
@@ -65,7 +65,7 @@ class YamlDocument:
 
     def __init__(self, text: str, source: object) -> None:
         self._source = source
-        self._lines: dict[Steps, int] = {}
+        self._lines: dict[KeyPath, int] = {}
         try:
             root = yaml.compose(text, Loader=_Loader)
             self.data: Any = None if root is None else self._plain(root, (), _line(root))
@@ -89,7 +89,7 @@ class YamlDocument:
         line = self._lines.get(known)
         return ", ".join(part for part in (f"line {line}" if line else "", name) if part)
 
-    def _plain(self, node: yaml.Node, path: Steps, line: int) -> Any:
+    def _plain(self, node: yaml.Node, path: KeyPath, line: int) -> Any:
         if path in self._lines:
             raise self._error(line, f"the key {path[-1]!r} once", "a duplicate")
         self._lines[path] = line
@@ -114,7 +114,7 @@ class YamlDocument:
             raise self._error(_line(key), "a key that is text", "a collection")
         return str(key.value), value, _line(key)
 
-    def _scalar(self, node: yaml.Node, path: Steps) -> Any:
+    def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
         kind = node.tag.removeprefix("tag:yaml.org,2002:")
         text = node.value
         match kind:
@@ -130,7 +130,7 @@ class YamlDocument:
                 return float(re.sub(r"(?i)\.(inf|nan)$", r"\1", text))
         raise self._error(self._lines[path], "plain values", f"the tag {node.tag}")
 
-    def _whole(self, text: str, path: Steps) -> int:
+    def _whole(self, text: str, path: KeyPath) -> int:
         """Return an integer; raise InputError for one that does not fit into 64 bits."""
         short = len(text) <= _DIGITS
         if short and abs(number := int(text)) <= _LARGEST_WHOLE:

@@ -9,7 +9,7 @@ from jaxtyping import Float64, Int32, Int64
 
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Segments
-from albot_core.planning.grid_search import FAR, first_anchor, search_any_angle
+from albot_core.planning.any_angle_search import FAR, first_anchor, search_any_angle
 from albot_maps.freespace import MARGIN
 from albot_maps.lattice import Lattice
 

@@ -16,7 +16,7 @@ from albot_core.mappers.registry import make_mapper, make_mappers, mapper_spec
 from albot_core.sensing.reading import Reading, Readings
 from albot_core.sensing.view import CORNER
 from albot_env.sim.sonar import SONARS, SonarConfig
-from albot_experiments.tours import Journey, guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import load_world
 
 _SIZES = (1_000, 100_000)
@@ -149,7 +149,7 @@ def tour_readings(*, has_sonars: bool = False) -> list[Reading]:
     return list(_tour(SONARS["ideal"] if has_sonars else None).readings)
 
 
-def _tour(sonar: SonarConfig | None = None) -> Journey:
+def _tour(sonar: SonarConfig | None = None) -> TourRecord:
     world = load_world("office-ring")
     tour, rng = world.tours["single-loop"], np.random.default_rng(0)
     return guided_tour(world, tour, rng, sonar=sonar)

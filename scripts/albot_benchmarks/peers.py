@@ -18,7 +18,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from albot_benchmarks.peer_simulations import OURS, PEERS, Peer, Scene, Simulation
+from albot_benchmarks.image_simulations import GYMKHANA, JALANSIM, JAXNAV
+from albot_benchmarks.peer_simulations import (
+    IRSIM,
+    IRSIM_X,
+    NAVGROUND,
+    OURS,
+    PYMUNK_LOOP,
+    VMAS,
+    Peer,
+    Scene,
+    Simulation,
+)
 from albot_benchmarks.timing import Workload, rates_in_turns
 from albot_core.geometry.types import Segments
 from albot_core.sensing.reading import LaserGeometry
@@ -41,6 +52,10 @@ _CHECKED, _HOLD, _COMMANDS = 5, 10, 50
 """Steps before the ranges are compared; steps for which a command holds; number of commands."""
 
 Row = dict[str, Any]
+
+
+PEERS = (JALANSIM, NAVGROUND, GYMKHANA, JAXNAV, VMAS, IRSIM, IRSIM_X, PYMUNK_LOOP)
+"""The simulators that PyPI has, and the loop over pymunk."""
 
 
 def measure_peers(

@@ -12,7 +12,7 @@ import click
 from albot_cli.long_run_page import write_long_run
 from albot_cli.outputs import FORCE, check_file, check_suffix
 from albot_cli.path_type import PathType
-from albot_cli.peers_page import told, write_peers
+from albot_cli.peers_page import range_accuracy, write_peers
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
@@ -290,7 +290,7 @@ def _peer(row: Figures) -> str:
     return (
         f"peer        {row['robots']:7,d} at once   {row['steps_per_cpu_second']:8,.0f} steps/s of "
         f"a core, ours {row['ratio']:.1f} times as many: {row['name']}, {row['beams']} beams in "
-        f"{row['world']}; ranges {told([row])}"
+        f"{row['world']}; ranges {range_accuracy([row])}"
     )
 
 

@@ -9,7 +9,6 @@ import click
 
 from albot_cli.map_report import (
     RECOGNITION,
-    MappingRun,
     as_table,
     check_moments,
     draw_recognition,
@@ -17,11 +16,10 @@ from albot_cli.map_report import (
     notes_of,
     recognition_figures,
     report,
-    run_mapper,
     score,
-    warm_up,
 )
 from albot_cli.mappers import mapper_config_option, read_mapper_config
+from albot_cli.mapping_run import MappingRun, run_mapper, warm_up
 from albot_cli.outputs import FORCE, check_folder, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress

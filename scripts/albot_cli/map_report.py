@@ -1,16 +1,16 @@
-"""Run a mapper over a log, score it, and report the figures of `albot map`: JSON and a table."""
+"""The score of a mapper's run, and the figures that `albot map` reports: JSON and a table."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from albot_cli.mapping_run import MappingRun
 from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
@@ -29,50 +29,15 @@ from albot_core.evaluation.trajectory import (
     relation_error,
     trajectory_error,
 )
-from albot_core.geometry.types import Points, Poses
+from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
-from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper, PlaceMemory
-from albot_core.mappers.registry import make_mapper
-from albot_core.mappers.result_checks import (
-    check_activity,
-    check_corrected_poses,
-    check_estimate,
-    check_events,
-    check_snapshot,
-    check_state,
-)
 from albot_core.maps.outlines import surfaces_of
 
 RECOGNITION = "recognition.png"
 """File name of the picture that `draw_recognition` writes."""
 NO_ODOMETRY = "the log's odometry is constant; the map is made by the scans alone"
-"""The note on a log without odometry."""
-_WARM_UP = 2500
-"""Number of scans given to a first mapper so that the timed one finds its code compiled. In these
-the robot passes some exits and returns to a place."""
-
+"""What is told of a log without odometry."""
 _UNKNOWN = "–"
-_TELL_EVERY = 50
-"""Number of scans between two progress updates."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MappingRun:
-    """A mapper after a complete log."""
-
-    mapper: Mapper
-    """The mapper at the end of the log."""
-    believed: Trajectory
-    """The pose estimated online at each scan, in the map's frame."""
-    corrected: Trajectory | None
-    """The poses of all scans as estimated at the end, in the map's frame; None if the mapper does
-    not correct earlier poses."""
-    packets: Points | None
-    """Position of the network's largest packet at each scan (m); None without a network."""
-    seconds: float
-    """Total time of the updates (s), without reading files, compiling and drawing."""
-    slowest: float
-    """Time of the longest update (s)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,78 +46,6 @@ class Score:
 
     trajectory: TrajectoryError | None
     relations: RelationError | None
-
-
-def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None:
-    """Run a mapper over the log's beginning, so that the next one finds its code compiled.
-
-    It stops early after `seconds` seconds. A wrong reading is reported only when the log is mapped.
-    """
-    mapper = make_mapper(name, config=config)
-    end = time.perf_counter() + seconds
-    for reading in log.readings[:_WARM_UP]:
-        mapper.update(reading)
-        if time.perf_counter() > end:
-            break
-
-
-def run_mapper(
-    name: str,
-    config: Any,
-    log: Log,
-    update: Callable[[int], None],
-    rng: np.random.Generator | None = None,
-) -> MappingRun:
-    """Run a new mapper over the log.
-
-    Args:
-        name: The mapper's name.
-        config: The mapper's parameters (see `make_mapper`).
-        log: The log.
-        update: Called from time to time with the number of scans done.
-        rng: The mapper's random generator (see `make_mapper`).
-
-    Raises:
-        InputError: A value of the mapper violates its interface: an estimate, or at the end its
-            snapshot, its state, its events or its corrected poses.
-    """
-    mapper = make_mapper(name, config=config, rng=rng)
-    spec = mapper.spec
-    poses, packets = np.empty((len(log.readings), 3)), np.empty((len(log.readings), 2))
-    seconds = slowest = 0.0
-    for number, reading in enumerate(log.readings):
-        begin = time.perf_counter()
-        mapper.update(reading)
-        taken = time.perf_counter() - begin
-        seconds, slowest = seconds + taken, max(slowest, taken)
-        estimate = mapper.estimate
-        check_estimate(estimate, spec, number)
-        poses[number] = estimate.pose
-        if isinstance(mapper, AttractorNetwork):
-            activity = mapper.activity
-            check_activity(activity, spec, number)
-            packets[number] = activity.packet[:2]
-        if number % _TELL_EVERY == 0:
-            update(number)
-    update(len(log.readings))
-    check_snapshot(mapper.snapshot(), spec, len(log.readings) - 1)
-    check_state(mapper.state(), spec, len(log.readings) - 1)
-    if isinstance(mapper, PlaceMemory):
-        check_events(mapper.events, spec, len(log.readings) - 1)
-    corrected = None
-    if isinstance(mapper, CorrectedTrajectory):
-        poses_at_end = mapper.corrected_poses()
-        check_corrected_poses(poses_at_end, spec, len(log.readings))
-        corrected = Trajectory(stamps=log.stamps, poses=poses_at_end)
-    believed = Trajectory(stamps=log.stamps, poses=poses)
-    return MappingRun(
-        mapper=mapper,
-        believed=believed,
-        corrected=corrected,
-        packets=packets if isinstance(mapper, AttractorNetwork) else None,
-        seconds=seconds,
-        slowest=slowest,
-    )
 
 
 def score(
@@ -215,8 +108,8 @@ def notes_of(
         fault = clock_fault(truth.stamps, "pose")
         what = "the reference's poses" if reference is None else f"the poses of {reference.name}"
         if fault is not None or not has_clock:
-            told = f" ({fault})" if fault is not None and has_clock else ""
-            notes.append(f"{what} are {pair_moments(log.stamps, truth.stamps).how}{told}")
+            remark = f" ({fault})" if fault is not None and has_clock else ""
+            notes.append(f"{what} are {pair_moments(log.stamps, truth.stamps).how}{remark}")
     if relations is not None and not has_clock:
         error = relation_error(log.odometry_trajectory, relations)
         lost = len(relations.stamps) - (error.count if error else 0)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from albot_agents.workers import TaskRunner, run_parallel
-from albot_cli.map_report import report, run_mapper, score, warm_up
+from albot_cli.map_report import report, score
+from albot_cli.mapping_run import run_mapper, warm_up
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
@@ -143,14 +144,14 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
     if mapped.corrected is not None:
         corrected = score(mapped.corrected, source.reference, source.relations)
     odometry = score(log.odometry_trajectory, source.reference, None)
-    told = report(log, mapped, online, corrected, odometry)
-    figures = no_figures(run) | {key: told[key] for key in KEPT}
+    reported = report(log, mapped, online, corrected, odometry)
+    figures = no_figures(run) | {key: reported[key] for key in KEPT}
     path = mapped.corrected or mapped.believed
     figures |= {
         "unaligned_rmse_m": _unaligned(mapped.believed, source.reference),
         "corrected_map_entropy": None if mapped.corrected is None else _entropy(log, path),
         "map_bytes": sum(array.nbytes for array in mapped.mapper.state().values()),
-        "readings_per_second": told["scans_per_second"],
+        "readings_per_second": reported["scans_per_second"],
         "slowest_reading_ms": 1e3 * mapped.slowest,
         "peak_mib": _peak_mib(),
     }

@@ -55,10 +55,10 @@ def _line(name: str, rows: Sequence[Row]) -> str:
         return f"| {name} | {own[0]['missing']} |"
     cells = [f"{row['steps_per_cpu_second']:,.0f} ({row['ratio']:,.1f} ×)" for row in own]
     name = " ".join(filter(None, (name, own[0]["version"])))
-    return f"| {name} | {own[0]['robots']} | {' | '.join(cells)} | {told(own)} |"
+    return f"| {name} | {own[0]['robots']} | {' | '.join(cells)} | {range_accuracy(own)} |"
 
 
-def told(rows: Sequence[Row]) -> str:
+def range_accuracy(rows: Sequence[Row]) -> str:
     """Return the accuracy of a simulator's ranges in words."""
     off, error = max(row["off"] for row in rows), max(row["range_error"] for row in rows)
     if any(row["wrong"] for row in rows):

@@ -317,8 +317,8 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     with open_viewer(f"{episode}", recorded.steps, headless=headless) as (viewer, update):
         watch(recorded, viewer, controls, update=update)
     if reader.torn:
-        told = f"{episode}: never closed, ends early; played up to its last complete chunk"
-        click.echo(f"albot: {told}, at {recorded.time:.1f} s", err=True)
+        warning = f"{episode}: never closed, ends early; played up to its last complete chunk"
+        click.echo(f"albot: {warning}, at {recorded.time:.1f} s", err=True)
     if png is not None:
         _save_picture(recorded.frame, png)
     return {

@@ -11,7 +11,7 @@ import numpy as np
 from albot_env.sim.sonar import SONARS
 from albot_experiments.albot0_runs import BORDER, CUES, Stop, Tracked
 from albot_experiments.report import Figures, Report, each_seed
-from albot_experiments.tours import Journey, driven_tour
+from albot_experiments.tours import TourRecord, driven_tour
 from albot_maps import Room, World, load_world
 from albot_maps.routes import Routes
 
@@ -81,7 +81,7 @@ def _way_across(world: World, seed: int) -> np.ndarray:
     return max(ways, key=lambda way: float(np.hypot(*np.diff(way, axis=0).T).sum()))
 
 
-def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[Journey, int]:
+def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[TourRecord, int]:
     """Drive a robot along a way and back; return the journey and the turning point's reading."""
     both = np.concatenate((way, way[-2::-1]))
     rng = np.random.default_rng(seed)
@@ -93,7 +93,7 @@ def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[Journey
     return journey, int(about[away.argmin()])
 
 
-def follow(world: World, journey: Journey, turned: int) -> Outcome:
+def follow(world: World, journey: TourRecord, turned: int) -> Outcome:
     """Lead a mapper out and, after telling it to return, home; return the outcome."""
     truth, robot = journey.truth[:, :2], Tracked()
     robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
-from albot_experiments.albot1_places import PlacedJourney, place_journey
+from albot_experiments.albot1_places import PlacedTour, place_tour
 from albot_experiments.drawing import draw_place_graph, draw_route
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
@@ -34,7 +34,7 @@ STARTS: Mapping[str, int] = {"S": 0, "A": 9, "B": 6}
 LEAST_SHARE = 0.9
 """Minimum share of the seeds in which the network must be right from all starts."""
 
-Placed = dict[str, dict[str, list[PlacedJourney]]]
+Placed = dict[str, dict[str, list[PlacedTour]]]
 """The journeys by mapper and start, one for each seed."""
 
 
@@ -51,7 +51,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
             tour = loop_from(world.tours[TOUR], waypoint)
             journey = guided_tour(world, tour, np.random.default_rng(seed))
             for name in ALBOT1:
-                placed[name][start].append(place_journey(name, world, journey))
+                placed[name][start].append(place_tour(name, world, journey))
     return _report(world, seeds, placed)
 
 
@@ -86,7 +86,7 @@ def _report(world: World, seeds: range, placed: Placed) -> Report:
     )
 
 
-def _figures(world: World, placed: Mapping[str, list[PlacedJourney]]) -> dict[str, Figures]:
+def _figures(world: World, placed: Mapping[str, list[PlacedTour]]) -> dict[str, Figures]:
     """Return the figures of one mapper, over starts and seeds."""
     runs = [each for several in placed.values() for each in several]
     return {
@@ -101,13 +101,13 @@ def _figures(world: World, placed: Mapping[str, list[PlacedJourney]]) -> dict[st
     }
 
 
-def _right_from_all(world: World, placed: Mapping[str, list[PlacedJourney]]) -> float:
+def _right_from_all(world: World, placed: Mapping[str, list[PlacedTour]]) -> float:
     """Return the share of the seeds in which the network is right from every start."""
     right = [[each.is_right(world) for each in several] for several in placed.values()]
     return float(np.all(right, axis=0).mean())
 
 
-def _is_reached(world: World, placed: Mapping[str, list[PlacedJourney]]) -> bool:
+def _is_reached(world: World, placed: Mapping[str, list[PlacedTour]]) -> bool:
     return _right_from_all(world, placed) >= LEAST_SHARE
 
 

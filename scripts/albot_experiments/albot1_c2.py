@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.places.events import Event, EventKind
-from albot_experiments.albot1_places import PlacedJourney, place_journey
+from albot_experiments.albot1_places import PlacedTour, place_tour
 from albot_experiments.drawing import draw_place_graph, draw_route
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
@@ -63,11 +63,11 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     """
     world = load_world(WORLD)
     tour = and_on(world.tours[TOUR])
-    placed: dict[str, list[PlacedJourney]] = {name: [] for name in ALBOT1}
+    placed: dict[str, list[PlacedTour]] = {name: [] for name in ALBOT1}
     for seed in each_seed(seeds, progress):
         journey = guided_tour(world, tour, np.random.default_rng(seed))
         for name in ALBOT1:
-            placed[name].append(place_journey(name, world, journey))
+            placed[name].append(place_tour(name, world, journey))
     return _report(world, seeds, placed)
 
 
@@ -86,7 +86,7 @@ def story(events: Iterable[Event]) -> tuple[Beat, ...]:
     )
 
 
-def _report(world: World, seeds: range, placed: dict[str, list[PlacedJourney]]) -> Report:
+def _report(world: World, seeds: range, placed: dict[str, list[PlacedTour]]) -> Report:
     groups: dict[str, Figures] = {name: _figures(world, runs) for name, runs in placed.items()}
     verdicts = {
         name: bool(np.mean(_right_and_told(world, runs)) >= LEAST_SHARE)
@@ -109,31 +109,31 @@ def _report(world: World, seeds: range, placed: dict[str, list[PlacedJourney]]) 
     )
 
 
-def _right_and_told(world: World, placed: list[PlacedJourney]) -> list[bool]:
+def _right_and_told(world: World, placed: list[PlacedTour]) -> list[bool]:
     """Return, for each seed, whether the network is right and arose as in the thesis."""
     return [each.is_right(world) and story(each.events) == STORY for each in placed]
 
 
-def _figures(world: World, placed: list[PlacedJourney]) -> dict[str, Figures]:
+def _figures(world: World, placed: list[PlacedTour]) -> dict[str, Figures]:
     """Return the figures of one mapper, over the seeds."""
-    told = [story(each.events) == STORY for each in placed]
+    is_explained = [story(each.events) == STORY for each in placed]
     return {
         "path_m": round(float(np.median([each.journey.path_length for each in placed])), 1),
         "places": int(np.median([len(each.place_graph.nodes) for each in placed])),
         "links": int(np.median([len(each.place_graph.links) for each in placed])),
         "network_right": round(float(np.mean([each.is_right(world) for each in placed])), 3),
-        "story_told": round(float(np.mean(told)), 3),
+        "story_told": round(float(np.mean(is_explained)), 3),
         "both": round(float(np.mean(_right_and_told(world, placed))), 3),
     }
 
 
-def _error(placed: PlacedJourney) -> float:
+def _error(placed: PlacedTour) -> float:
     """Return how far the map has drifted at the end of the journey (m)."""
     truth = placed.journey.truth
     return float(np.hypot(*(relative(truth[0], truth[-1]) - placed.poses[-1])[:2]))
 
 
-def _text(seeds: range, seed: int, placed: PlacedJourney) -> str:
+def _text(seeds: range, seed: int, placed: PlacedTour) -> str:
     log = "\n".join(str(event) for event in placed.events)
     return f"""
 A robot is guided start-stop along the tour `{TOUR}` of `{WORLD}`: once round the ring, into a
@@ -157,7 +157,7 @@ What happened to `albot1` with the seed whose map drifts as far as the median, {
 """
 
 
-def _picture(world: World, placed: dict[str, PlacedJourney]) -> Figure:
+def _picture(world: World, placed: dict[str, PlacedTour]) -> Figure:
     """Draw the route and each mapper's network, as figures 4.4 and 4.6."""
     from matplotlib.figure import Figure
 

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from albot_core.geometry.poses import relative
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_experiments.albot1_e3 import DISTURBANCE, moved_by
-from albot_experiments.albot1_places import PlacedJourney, between, place_journey
+from albot_experiments.albot1_places import PlacedTour, between, place_tour
 from albot_experiments.drawing import draw_place_graph
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
@@ -59,7 +59,7 @@ difference. `albot1` joins known walls with its map unless both sensors are wors
 class SecondLap:
     """Distances of the exits on the second lap from where they were expected (m)."""
 
-    placed: PlacedJourney
+    placed: PlacedTour
     aligned: Float64[np.ndarray, "exits"]
     """Distance to the aligned exit; infinite if none was predicted."""
     unaligned: Float64[np.ndarray, "exits"]
@@ -89,7 +89,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
         for how, sensing in SENSINGS.items():
             ridden = moved_by(journeys[sensing.laser], sensing.disturbance * DISTURBANCE)
             for name in ALBOT1:
-                laps[f"{name}{how}"].append(second_lap(place_journey(name, world, ridden)))
+                laps[f"{name}{how}"].append(second_lap(place_tour(name, world, ridden)))
     return _report(world, seeds, laps)
 
 
@@ -98,7 +98,7 @@ def twice_round(loop: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray,
     return np.concatenate((loop[:-1], loop, loop[1:2]))
 
 
-def second_lap(placed: PlacedJourney) -> SecondLap:
+def second_lap(placed: PlacedTour) -> SecondLap:
     """Compare the position of each exit on the second lap with its expected position."""
     learned: dict[str, Float64[np.ndarray, "4"]] = {}
     aligned, unaligned = np.full(len(EXITS), np.inf), np.full(len(EXITS), np.inf)

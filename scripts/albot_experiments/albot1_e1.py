@@ -30,7 +30,7 @@ from albot_experiments.mapping import (
     surface_points,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
-from albot_experiments.tours import Journey, guided_tour, true_motions
+from albot_experiments.tours import TourRecord, guided_tour, true_motions
 from albot_maps import World, load_world
 from albot_maps.routes import Routes
 
@@ -101,7 +101,7 @@ class Trip:
 
     route: Route
     world: World
-    journey: Journey
+    journey: TourRecord
     mapped: MappedJourney
     shape: Shape
 
@@ -157,7 +157,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(seeds, trips)
 
 
-def map_trip(name: str, route: Route, world: World, journey: Journey) -> Trip:
+def map_trip(name: str, route: Route, world: World, journey: TourRecord) -> Trip:
     """Lead a mapper along a journey and measure its map."""
     mapped = map_readings(name, journey.readings, watch=_lost_views)
     walls = Walls.of_journey(world.walls, journey.readings, journey.truth)

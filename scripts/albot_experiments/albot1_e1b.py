@@ -21,7 +21,7 @@ from albot_experiments.mapping import (
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.revisiting import before_revisiting
-from albot_experiments.tours import Journey, guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(seeds, world, traces)
 
 
-def trace(name: str, world: World, once: Journey, twice: Journey) -> Trace:
+def trace(name: str, world: World, once: TourRecord, twice: TourRecord) -> Trace:
     """Lead a mapper along both journeys: its updates on the first, what it erases on the second."""
     updates = map_readings(name, once.readings).updates
     view = before_revisiting(world, twice)

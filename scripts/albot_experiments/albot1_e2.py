@@ -14,7 +14,7 @@ from albot_core.geometry.types import Pose, Poses
 from albot_experiments.drawing import MARK, PATH, draw_floor
 from albot_experiments.mapping import ALBOT1, MAPPERS, map_readings, median_and_worst
 from albot_experiments.report import Figures, Report, compared, each_seed
-from albot_experiments.tours import Journey, guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(seeds, world, pointings)
 
 
-def point(journey: Journey, home: Poses, stop: Stop) -> Pointing:
+def point(journey: TourRecord, home: Poses, stop: Stop) -> Pointing:
     """Return the true and the believed pose of home at the view nearest to the stop."""
     view = journey.nearest_view(np.array(stop.at))
     truth = journey.truth[view]

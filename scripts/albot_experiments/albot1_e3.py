@@ -18,7 +18,7 @@ from albot_env.sim.simulator import THESIS_STEPS, StartStop
 from albot_experiments.drawing import MARK, PATH, draw_floor
 from albot_experiments.mapping import ALBOT1, CHAPTER_3, map_readings, median_and_worst
 from albot_experiments.report import Figures, Report, compared, each_seed
-from albot_experiments.tours import Journey, guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -127,13 +127,13 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
             ridden = {"": journey, "_disturbed": moved_by(journey, DISTURBANCE)}
             for mapper in CONFIGS:
                 for how in _HOWS:
-                    found[name, mapper, how] = map_journey(mapper, ridden[how], corner)
+                    found[name, mapper, how] = map_tour(mapper, ridden[how], corner)
             journeys.append(journey)
         runs.append(found)
     return _report(seeds, journeys[:: len(FLOORS)], runs)
 
 
-def drifting(journey: Journey, corner: Points, error: float) -> Journey:
+def drifting(journey: TourRecord, corner: Points, error: float) -> TourRecord:
     """Return the journey with the least constant drift that separates the corner's two positions.
 
     The drift is an excess turn per metre driven, as from wheels of unequal size. By the integrated
@@ -169,14 +169,14 @@ def drifting(journey: Journey, corner: Points, error: float) -> Journey:
     return _with_motions(journey, motions + np.outer(driven, [0.0, 0.0, drift]))
 
 
-def moved_by(journey: Journey, disturbance: Pose) -> Journey:
+def moved_by(journey: TourRecord, disturbance: Pose) -> TourRecord:
     """Return the journey with `disturbance` added to the motion between consecutive views."""
     motions = np.array([reading.motion for reading in journey.readings])
     motions[1:] += disturbance
     return _with_motions(journey, motions)
 
 
-def common_corner(world: World, journey: Journey) -> Points:
+def common_corner(world: World, journey: TourRecord) -> Points:
     """Return the wall corner nearest to the start that is seen from the start and from the end."""
     corners = np.unique(world.walls.reshape(-1, 2), axis=0)
     order = np.argsort(np.hypot(*(corners - journey.truth[0, :2]).T))
@@ -186,7 +186,7 @@ def common_corner(world: World, journey: Journey) -> Points:
     raise InputError(world.name, "a corner seen from the start and the end", "none")
 
 
-def map_journey(name: str, journey: Journey, corner: Points) -> Run:
+def map_tour(name: str, journey: TourRecord, corner: Points) -> Run:
     """Run a mapper of CONFIGS on the journey, and find the corner's two positions in its map."""
     mapped = map_readings(name.partition(",")[0], journey.readings, config=CONFIGS[name])
     poses, mapper = mapped.poses, mapped.mapper
@@ -212,7 +212,7 @@ def _integrated(motions: Poses) -> Pose:
     return np.array(((cos * x - sin * y).sum(), (sin * x + cos * y).sum(), headings[-1]))
 
 
-def _with_motions(journey: Journey, motions: Poses) -> Journey:
+def _with_motions(journey: TourRecord, motions: Poses) -> TourRecord:
     readings = tuple(
         replace(reading, motion=motion)
         for reading, motion in zip(journey.readings, motions, strict=True)
@@ -224,14 +224,14 @@ def _as_seen(pose: Pose, point: Points) -> Points:
     return relative(pose, np.array([*point, 0.0]))[:2]
 
 
-def _sees(journey: Journey, view: int, corner: Points) -> bool:
+def _sees(journey: TourRecord, view: int, corner: Points) -> bool:
     """Return whether some beam of a view ends within 15 cm of the corner."""
     points = journey.readings[view].required_laser("this experiment").points
     seen = _as_seen(journey.truth[view], corner)
     return bool((np.hypot(*(points - seen).T) < 0.15).any())
 
 
-def _report(seeds: range, journeys: list[Journey], runs: list[Runs]) -> Report:
+def _report(seeds: range, journeys: list[TourRecord], runs: list[Runs]) -> Report:
     groups: dict[str, Figures] = {
         f"{floor}, {name}": _figures(
             [{how: run[floor, name, how] for how in _HOWS} for run in runs]

@@ -66,12 +66,12 @@ def _report(seeds: range, world: World, drives: Drives) -> Report:
         for name in ALBOT1
         for margin in MARGINS
     }
-    told = {name: (_leaves_ghosts(drives, name), _forgets(drives, name)) for name in ALBOT1}
-    verdicts = {name: all(both) for name, both in told.items()}
+    effects = {name: (_leaves_ghosts(drives, name), _forgets(drives, name)) for name in ALBOT1}
+    verdicts = {name: all(both) for name, both in effects.items()}
     at_thesis: dict[str, Figures] = {
         name: {
-            "too_little_leaves_ghosts": told[name][0],
-            "too_much_forgets": told[name][1],
+            "too_little_leaves_ghosts": effects[name][0],
+            "too_much_forgets": effects[name][1],
             "most_precise_margin_m": _best(drives, name),
         }
         for name in ALBOT1
@@ -83,8 +83,8 @@ def _report(seeds: range, world: World, drives: Drives) -> Report:
         paper=PAPER,
         measured={
             "margin_m": THESIS_MARGIN,
-            "too_little_leaves_ghosts": told["albot1"][0],
-            "too_much_forgets": told["albot1"][1],
+            "too_little_leaves_ghosts": effects["albot1"][0],
+            "too_much_forgets": effects["albot1"][1],
             "seeds": len(seeds),
             **at_thesis,
             **groups,

@@ -183,10 +183,10 @@ def _report(seeds: range, runs: list[Run]) -> Report:
         "logs_reasonable": sum(run.reasonable for run in by_mapper["albot1"]),
         "seeds": len(seeds),
     }
-    told: dict[str, dict[str, Figures]] = {}
+    by_log: dict[str, dict[str, Figures]] = {}
     for run in runs:
-        told.setdefault(run.real.name, {})[run.mapped.mapper.spec.name] = _figures(run)
-    for log, groups in told.items():
+        by_log.setdefault(run.real.name, {})[run.mapped.mapper.spec.name] = _figures(run)
+    for log, groups in by_log.items():
         measured |= {f"{log}, {name}": figures for name, figures in groups.items()}
     names = "path_error_m", "wall_precision", "wall_recall", "doubled_walls", "reasonable_shape"
     return Report(
@@ -198,7 +198,7 @@ def _report(seeds: range, runs: list[Run]) -> Report:
         verdicts=verdicts,
         compared={
             f"{log}, {name}": by_name
-            for log, groups in told.items()
+            for log, groups in by_log.items()
             for name, by_name in compared(groups, MAPPERS, names).items()
         },
         text=_text(seeds),

@@ -15,7 +15,7 @@ from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import PlaceGraph
 from albot_experiments.mapping import ALBOT1, EVERY_READING
-from albot_experiments.tours import Journey
+from albot_experiments.tours import TourRecord
 from albot_maps import World
 
 DOORWAY = 1.0
@@ -46,10 +46,10 @@ class Crossing:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlacedJourney:
+class PlacedTour:
     """A mapper with a network of places at the end of a journey."""
 
-    journey: Journey
+    journey: TourRecord
     mapper: Albot1
     """The mapper after the last view."""
     poses: Poses
@@ -96,9 +96,7 @@ class PlacedJourney:
         return links == {frozenset(door.rooms) for door in world.exits}
 
 
-def place_journey(
-    name: str, world: World, journey: Journey, config: object = None
-) -> PlacedJourney:
+def place_tour(name: str, world: World, journey: TourRecord, config: object = None) -> PlacedTour:
     """Run a new mapper on a journey, and record its beliefs.
 
     `config` is as for `make_mapper`; by default every reading is a view.
@@ -133,7 +131,7 @@ def place_journey(
             )
             crossings.append(crossing)
     same = same_in_the_end(mapper.events)
-    return PlacedJourney(
+    return PlacedTour(
         journey=journey,
         mapper=mapper,
         poses=poses,

@@ -16,7 +16,7 @@ from albot_experiments.albot1_c1 import loop_from
 from albot_experiments.albot1_c3 import second_lap, twice_round
 from albot_experiments.albot1_e3 import DISTURBANCE, FLOORS, moved_by
 from albot_experiments.albot1_e6 import thinned, wall_errors
-from albot_experiments.albot1_places import place_journey
+from albot_experiments.albot1_places import place_tour
 from albot_experiments.mapping import EVERY_READING, map_readings
 from albot_experiments.real_logs import LOGS, read_real_log
 from albot_experiments.report import Figures, Report, each_seed
@@ -59,11 +59,11 @@ class Tally:
 
     def figures(self) -> dict[str, Figures]:
         """Return the medians of the figures; for shares the means."""
-        told: dict[str, Figures] = {}
+        medians: dict[str, Figures] = {}
         for name, values in self.values.items():
             middle = np.mean(values) if name.startswith("share_") else np.median(values)
-            told[name.removeprefix("share_")] = round(float(middle), 3)
-        return told
+            medians[name.removeprefix("share_")] = round(float(middle), 3)
+        return medians
 
 
 def config_of(preset: str, readings: tuple[str, ...]) -> Albot1Config:
@@ -155,10 +155,8 @@ def _places(world: World, seed: int, configs: _Configs, tallies: _Tallies) -> No
     twice = guided_tour(world, twice_round(loop), np.random.default_rng(seed))
     for key, config in configs.items():
         tally = tallies[key]
-        tally.add(
-            "share_c1_right_from_S", place_journey(key[0], world, once, config).is_right(world)
-        )
-        lap = second_lap(place_journey(key[0], world, twice, config))
+        tally.add("share_c1_right_from_S", place_tour(key[0], world, once, config).is_right(world))
+        lap = second_lap(place_tour(key[0], world, twice, config))
         tally.add("share_c3_network_right", lap.placed.is_right(world))
         tally.add("share_c3_exits_predicted", float(np.isfinite(lap.aligned).mean()))
 

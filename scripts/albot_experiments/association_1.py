@@ -24,7 +24,7 @@ from albot_experiments.mapping import (
     surface_points,
 )
 from albot_experiments.report import Figures, Report, each_seed
-from albot_experiments.tours import Journey, lead
+from albot_experiments.tours import TourRecord, lead
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(seeds, journeys, runs)
 
 
-def drive(world: World, odometer: str, seed: int) -> Journey:
+def drive(world: World, odometer: str, seed: int) -> TourRecord:
     """Lead a robot with an odometer along the tour; return the journey."""
     tour = world.tours[TOUR]
     waypoints = np.concatenate((tour, tour[1 : BEYOND + 1]))
@@ -89,7 +89,7 @@ def drive(world: World, odometer: str, seed: int) -> Journey:
     return lead(simulator, world, waypoints, np.random.default_rng(seed), go_to)
 
 
-def follow(name: str, journey: Journey, world: World) -> Run:
+def follow(name: str, journey: TourRecord, world: World) -> Run:
     """Run a mapper on a journey, and measure its map."""
     mapped = map_readings(name, journey.readings)
     surfaces = mapped.mapper.snapshot().segments
@@ -98,7 +98,7 @@ def follow(name: str, journey: Journey, world: World) -> Run:
     return Run(surfaces=surfaces, poses=mapped.poses, shape=shape)
 
 
-def _report(seeds: range, journeys: list[Journey], runs: Mapping[str, list[Runs]]) -> Report:
+def _report(seeds: range, journeys: list[TourRecord], runs: Mapping[str, list[Runs]]) -> Report:
     measured: dict[str, Figures] = {
         "path_m": round(float(np.median([journey.path_length for journey in journeys])), 1),
         "views": int(np.median([len(journey.readings) for journey in journeys])),

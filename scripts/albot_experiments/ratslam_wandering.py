@@ -20,7 +20,7 @@ from albot_experiments.ratslam_runs import (
     follow,
 )
 from albot_experiments.report import Figures
-from albot_experiments.tours import Driving, Journey, driven_tour
+from albot_experiments.tours import Driving, TourRecord, driven_tour
 from albot_maps import load_world
 from albot_maps.routes import Routes
 from albot_maps.world import World
@@ -54,7 +54,7 @@ class Wandering:
         journey = self.journey(seed, self.minutes)
         return follow(journey.readings, journey.truth, CORRECTED)
 
-    def journey(self, seed: int, minutes: int) -> Journey:
+    def journey(self, seed: int, minutes: int) -> TourRecord:
         """Return the robot's readings and true poses over `minutes` minutes.
 
         The odometer is a Pioneer's. The scenes are the paper's: each number stands for two views,

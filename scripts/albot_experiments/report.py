@@ -291,8 +291,8 @@ def ablation(reports: Sequence[Report], folder: str) -> str:
         reports: Reports with `compared` figures; others are left out.
         folder: The reports' folder, for links.
     """
-    told = [report for report in reports if report.compared]
-    rows_of = [by_mapper for report in told for by_mapper in report.compared.values()]
+    comparing = [report for report in reports if report.compared]
+    rows_of = [by_mapper for report in comparing for by_mapper in report.compared.values()]
     mappers = list(dict.fromkeys(mapper for by_mapper in rows_of for mapper in by_mapper))
     lines = [
         "# What each idea brings",
@@ -311,7 +311,7 @@ def ablation(reports: Sequence[Report], folder: str) -> str:
         f"| experiment | figure | {' | '.join(f'`{mapper}`' for mapper in mappers)} |",
         "|---" * (2 + len(mappers)) + "|",
     ]
-    for report in told:
+    for report in comparing:
         link = f"[{report.id}]({folder}/{report.id}/report.md)"
         verdicts = [report.verdicts.get(mapper) for mapper in mappers]
         judged = {"**reached**": dict(zip(mappers, verdicts, strict=True))}

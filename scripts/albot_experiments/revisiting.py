@@ -28,7 +28,7 @@ from albot_experiments.mapping import (
     surface_points,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
-from albot_experiments.tours import Journey, driven_tour, thinned_views
+from albot_experiments.tours import TourRecord, driven_tour, thinned_views
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Drives:
     """All drives of an experiment."""
 
     world: World
-    journeys: tuple[Journey, ...]
+    journeys: tuple[TourRecord, ...]
     """The journeys, one for each seed."""
     by_mapper: Mapping[str, tuple[Drive, ...]]
     """The drives of each mapper, one for each seed."""
@@ -240,7 +240,7 @@ def drive(
     )
 
 
-def map_drive(name: str, world: World, journey: Journey, config: object = None) -> Drive:
+def map_drive(name: str, world: World, journey: TourRecord, config: object = None) -> Drive:
     """Map a drive, and measure the shape before revisiting and at the end."""
     before, last = before_revisiting(world, journey), len(journey.readings) - 1
     mapped = map_readings(name, journey.readings, [before], config=config)
@@ -275,7 +275,7 @@ def occupied_cells(mapper: Mapper) -> Points:
     return np.empty((0, 2)) if grid is None else grid.centres(_OCCUPIED)
 
 
-def corridor_length(world: World, journey: Journey, poses: Poses) -> float | None:
+def corridor_length(world: World, journey: TourRecord, poses: Poses) -> float | None:
     """Return the ratio of believed to true length of the first way through the bare corridor.
 
     None if there is no such way.
@@ -289,7 +289,7 @@ def corridor_length(world: World, journey: Journey, poses: Poses) -> float | Non
     return float(believed / true) if true > 0 else None
 
 
-def before_revisiting(world: World, journey: Journey) -> int:
+def before_revisiting(world: World, journey: TourRecord) -> int:
     """Return the last view before the robot returns into the room in which it began."""
     inside = np.array([world.room_at(x, y) == HOME_ROOM for x, y in journey.truth[:, :2]])
     back = np.flatnonzero(~inside[:-1] & inside[1:])

@@ -34,7 +34,7 @@ _TURN_FIRST = np.radians(45.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Journey:
+class TourRecord:
     """A robot's readings on a journey, and its true poses."""
 
     readings: tuple[Reading, ...]
@@ -61,7 +61,7 @@ def guided_tour(
     laser: LaserConfig = LMS_200,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
-) -> Journey:
+) -> TourRecord:
     """Guide a robot, with sonars if any are given, through the waypoints; return the journey.
 
     The guide knows the robot's true pose, so the odometer's errors do not change the path. Every
@@ -82,7 +82,7 @@ def lead(
     waypoints: Points,
     rng: np.random.Generator,
     go_to: Callable[[Points], Iterable[Reading]],
-) -> Journey:
+) -> TourRecord:
     """Lead a simulated robot through the waypoints; return the journey.
 
     Args:
@@ -103,7 +103,7 @@ def lead(
             truth.append(simulator.pose)
             if simulator.collided:
                 raise InputError(world.name, "a tour clear of walls", "a wall", place=f"leg {leg}")
-    return Journey(readings=tuple(readings), truth=np.array(truth))
+    return TourRecord(readings=tuple(readings), truth=np.array(truth))
 
 
 def first_pose(waypoints: Points) -> Pose:
@@ -112,7 +112,7 @@ def first_pose(waypoints: Points) -> Pose:
     return np.array([*waypoints[0], math.atan2(first[1], first[0])])
 
 
-def true_motions(journey: Journey) -> Poses:
+def true_motions(journey: TourRecord) -> Poses:
     """Return the true motion to every view from the previous one, (views, 3); the first is 0."""
     before = np.concatenate((journey.truth[:1], journey.truth[:-1]))
     return relative(before, journey.truth)
@@ -140,7 +140,7 @@ def driven_tour(
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
     scenes: SceneConfig | None = None,
-) -> Journey:
+) -> TourRecord:
     """Drive a robot through the waypoints, with a reading every 0.1 s; return the journey.
 
     The robot has sonars and scenes if any are given. The guide knows the robot's true pose, so the
@@ -162,7 +162,7 @@ def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Itera
         yield simulator.step(driving.speed * forwards, float(turn_rate))
 
 
-def thinned_views(journey: Journey, spacing: float, turn: float) -> Journey:
+def thinned_views(journey: TourRecord, spacing: float, turn: float) -> TourRecord:
     """Return the journey with only one view every `spacing` or `turn`.
 
     A view is kept once the odometer reports that the robot has moved this far (m), or turned this
@@ -176,4 +176,4 @@ def thinned_views(journey: Journey, spacing: float, turn: float) -> Journey:
             readings.append(replace(reading, motion=since))
             kept.append(index)
             since = np.zeros(3)
-    return Journey(readings=tuple(readings), truth=journey.truth[kept])
+    return TourRecord(readings=tuple(readings), truth=journey.truth[kept])

@@ -286,8 +286,8 @@ def albot(*arguments: str, data: Path | None = None) -> dict[str, Any]:
         [command, *arguments, "--json"], capture_output=True, text=True, env=around, check=False
     )
     if done.returncode:
-        told = f"albot {' '.join(arguments)}: status {done.returncode}\n{done.stderr}"
-        raise click.ClickException(told)
+        failure = f"albot {' '.join(arguments)}: status {done.returncode}\n{done.stderr}"
+        raise click.ClickException(failure)
     printed: dict[str, Any] = json.loads(done.stdout)
     return printed
 

@@ -329,8 +329,8 @@ def _reason(fault: Mapping[str, Any]) -> str | None:
 
 def _told(fault: Mapping[str, Any], why: str) -> str:
     place = f"`{fault['path']}`, line {fault['line']}"
-    told = f"- {place}: `{fault['old'].strip()}` → `{fault['new'].strip()}`"
-    return f"{told}: {why}" if why else told
+    line = f"- {place}: `{fault['old'].strip()}` → `{fault['new'].strip()}`"
+    return f"{line}: {why}" if why else line
 
 
 _OUTCOME = ("outcome", "by", "passed", "seconds")

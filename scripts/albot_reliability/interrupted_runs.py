@@ -240,8 +240,8 @@ def _interrupted(run: Run, folder: Path, child: int, moments: mmap.mmap | None) 
         if status is None:
             os.kill(child, signal.SIGUSR1)
             _wait(child, 1.0)
-            told = (folder / ".err").read_text()
-            raise BrokenPromiseError(f"goes on for {PATIENCE:.0f} s: {told}")
+            errors = (folder / ".err").read_text()
+            raise BrokenPromiseError(f"goes on for {PATIENCE:.0f} s: {errors}")
         if status == 0:
             return replace(run, ended=True)
         if not _gone(child, PATIENCE):
@@ -294,8 +294,8 @@ def _call(words: Sequence[str], folder: Path) -> None:
         _be_child(words, folder, None)
     _, status = os.waitpid(child, 0)
     if status:
-        told = (folder / ".err").read_text()
-        raise BrokenPromiseError(f"{' '.join(words)}: status {status}, {told}")
+        errors = (folder / ".err").read_text()
+        raise BrokenPromiseError(f"{' '.join(words)}: status {status}, {errors}")
 
 
 def _be_child(words: Sequence[str], folder: Path, moments: mmap.mmap | None) -> NoReturn:

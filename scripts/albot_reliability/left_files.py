@@ -31,14 +31,14 @@ def check_quiet(folder: Path, status: int, number: int) -> dict[str, int]:
     Returns:
         Whether the signal came before Python had reached our first line.
     """
-    told = (folder / ".err").read_text()
-    if "Traceback" in told or "ignored" in told:
-        if "albot_" in told:
-            raise BrokenPromiseError(f"says {told}")
+    errors = (folder / ".err").read_text()
+    if "Traceback" in errors or "ignored" in errors:
+        if "albot_" in errors:
+            raise BrokenPromiseError(f"says {errors}")
         return {"before us": 1}
     # Before the work begins, and after its end, the signal itself ends the process.
     if status not in (-number, 128 + number):
-        raise BrokenPromiseError(f"status {status} after signal {number}: {told}")
+        raise BrokenPromiseError(f"status {status} after signal {number}: {errors}")
     return {}
 
 

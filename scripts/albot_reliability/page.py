@@ -89,8 +89,8 @@ def command(sections: tuple[str, ...], share: float, jobs: int | None, out: Path
             share, jobs or os.cpu_count() or 1, figures.get(name, {})
         )
         write_text(kept, json.dumps(figures, indent=1) + "\n")
-        told = [name for name in SECTIONS if name in figures]
-        lines = [line for name in told for line in ("", *SECTIONS[name].render(figures[name]))]
+        present = [name for name in SECTIONS if name in figures]
+        lines = [line for name in present for line in ("", *SECTIONS[name].render(figures[name]))]
         write_text(out, _HEAD + "\n".join(lines) + "\n")
 
 

@@ -181,9 +181,9 @@ def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: 
             write_pictures(picture, panels)
             _shrink(picture)
     log = sources[0].log
-    told: dict[str, Any] = {"readings": len(log.readings), "path_m": log.path_length}
-    told["rows"] = [rows[name] for name in MAPPERS if name in rows]
-    write_text(folder / FIGURES, json.dumps(told, indent=1) + "\n")
+    figures: dict[str, Any] = {"readings": len(log.readings), "path_m": log.path_length}
+    figures["rows"] = [rows[name] for name in MAPPERS if name in rows]
+    write_text(folder / FIGURES, json.dumps(figures, indent=1) + "\n")
 
 
 def _rows(folder: Path) -> list[dict[str, Any]]:
@@ -213,8 +213,8 @@ def _page(folder: Path) -> str:
         rows = _rows(folder / name)
         if not rows:
             continue
-        told = json.loads((folder / name / FIGURES).read_text())
-        readings = f"{told['readings']:,} readings along {told['path_m']:.0f} m."
+        figures = json.loads((folder / name / FIGURES).read_text())
+        readings = f"{figures['readings']:,} readings along {figures['path_m']:.0f} m."
         drawn = [row["mapper"] for row in rows if _picture(folder / name, row["mapper"]).is_file()]
         pictures = _side_by_side(
             [f"![{mapper}]({folder.name}/{name}/{mapper}.png)" for mapper in drawn]

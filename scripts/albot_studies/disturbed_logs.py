@@ -15,7 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
-from albot_cli.map_report import run_mapper
+from albot_cli.mapping_run import run_mapper
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_ratio

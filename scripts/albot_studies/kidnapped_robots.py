@@ -121,13 +121,13 @@ def measure(worlds: str, seeds: range, mapper: str, after: int = AFTER) -> dict[
         name: sum(getattr(one, name) for one in done)
         for name in ("false_alarm", "noticed", "found", "mistaken")
     }
-    told = {
+    figures = {
         "mapper": mapper,
         "worlds": worlds,
         "seeds": f"{seeds[0]}..{seeds[-1]}",
         "readings_after": after,
     }
-    return {**told, "count": len(done), **counts, "runs": [asdict(one) for one in done]}
+    return {**figures, "count": len(done), **counts, "runs": [asdict(one) for one in done]}
 
 
 @click.command()

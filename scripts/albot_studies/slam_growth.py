@@ -124,14 +124,14 @@ def cost_by_lap(
 def memory_by_lap(particles: int, rounds: Sequence[list[Reading]]) -> Memory:
     """Return the memory of `dp-slam` at the end of each lap."""
     mapper = DpSlam(DpSlamConfig(particles=particles))
-    told = Memory(particles, [], [])
+    memory = Memory(particles, [], [])
     for lap in rounds:
         for reading in lap:
             mapper.update(reading)
         known = mapper.memory
-        told.observations.append(known["observations"])
-        told.ground.append(known["squares"])
-    return told
+        memory.observations.append(known["observations"])
+        memory.ground.append(known["squares"])
+    return memory
 
 
 def draw(

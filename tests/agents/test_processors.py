@@ -48,8 +48,8 @@ def test_a_journey_is_the_same_whatever_code_numpy_chooses() -> None:
         "OPENBLAS_CORETYPE": "Nehalem",
         "PYTHONPATH": os.pathsep.join(map(str, (ROOT, *sys.path))),
     }
-    told = "from tests.agents.test_processors import journey; print(journey())"
+    program = "from tests.agents.test_processors import journey; print(journey())"
     ran = subprocess.run(
-        (sys.executable, "-c", told), env=plain, capture_output=True, text=True, check=True
+        (sys.executable, "-c", program), env=plain, capture_output=True, text=True, check=True
     )
     assert ran.stdout.strip() == journey()

@@ -185,9 +185,9 @@ def test_the_mapper_inside_has_the_thresholds_that_were_asked_for():
 
 
 def test_each_step_is_told_before_it_is_taken():
-    told: list[int] = []
-    run_episode(dataclasses.replace(SOUND, steps=3), told.append, Limits())
-    assert told[:4] == [0, 1, 2, 3]
+    counts: list[int] = []
+    run_episode(dataclasses.replace(SOUND, steps=3), counts.append, Limits())
+    assert counts[:4] == [0, 1, 2, 3]
 
 
 def no_number(step: Step) -> Step:

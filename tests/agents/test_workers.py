@@ -34,9 +34,9 @@ def test_no_worker_hears_signals_not_even_the_first(tmp_path: Path) -> None:
         "print(list(run_parallel(BlockedSignals(), range(3), 1)))"
     )
     with running([sys.executable, "-c", code], tmp_path) as process:
-        out, told = process.communicate(timeout=60)
+        out, errors = process.communicate(timeout=60)
     blocked = sorted(number.name for number in INTERRUPTS)
-    assert (told, out.decode().strip()) == (b"", str([blocked] * 3))
+    assert (errors, out.decode().strip()) == (b"", str([blocked] * 3))
 
 
 def test_signals_reach_us_again_once_workers_are_started() -> None:

@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 from albot_benchmarks import peers as measuring
-from albot_benchmarks.peer_simulations import PEERS, Peer, Scene
-from albot_benchmarks.peers import measure_peers
+from albot_benchmarks.peer_simulations import Peer, Scene
+from albot_benchmarks.peers import PEERS, measure_peers
 from albot_cli.group import albot
 from albot_cli.peers_page import page
 from albot_core.errors import InputError

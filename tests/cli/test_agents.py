@@ -18,19 +18,19 @@ from tests.cli.conftest import figures
 def test_the_list_names_all_agents_and_the_cards_of_trained_ones(
     call: Callable[..., Result],
 ) -> None:
-    told = {row["name"]: row for row in figures(call("agents", "list", "--json"))["agents"]}
-    assert tuple(told) == agent_names()
-    assert {name for name, row in told.items() if "card" in row} == set(shipped_agents())
-    assert {name for name, row in told.items() if row["knows_truth"]} == {"oracle"}
-    for name, row in told.items():
+    rows = {row["name"]: row for row in figures(call("agents", "list", "--json"))["agents"]}
+    assert tuple(rows) == agent_names()
+    assert {name for name, row in rows.items() if "card" in row} == set(shipped_agents())
+    assert {name for name, row in rows.items() if row["knows_truth"]} == {"oracle"}
+    for name, row in rows.items():
         assert row["summary"]
         assert row["mapper"]
         if name not in AGENTS:
             assert row["task"] in row["summary"]
             assert Path(row["card"]).read_text(encoding="utf-8").startswith(f"# {name}")
     lines = call("agents", "list").stdout.splitlines()
-    assert [line.split()[0] for line in lines] == list(told)
-    for line, row in zip(lines, told.values(), strict=True):
+    assert [line.split()[0] for line in lines] == list(rows)
+    for line, row in zip(lines, rows.values(), strict=True):
         assert line.endswith(row.get("card", row["summary"]))
 
 

@@ -147,10 +147,10 @@ def test_a_mappers_line_tells_what_a_batch_does() -> None:
     row = {"name": "odometry", "surfaces": 7, "readings_per_second": 1500.0}
     batch = {"batch": 4, "batch_readings_per_second": 2e6, "row_readings_per_second": 3e4}
     figures = {**bench("--part", "laser"), "mapper": [row | batch, row]}
-    told = [line for line in as_text(figures).splitlines() if line.startswith("mapper")]
+    lines = [line for line in as_text(figures).splitlines() if line.startswith("mapper")]
     alone = "mapper            7 surfaces     1,500 readings/s  odometry"
-    assert told[0] == f"{alone}; 4 at once 2,000,000 in total, 30,000 when each is updated alone"
-    assert told[1] == alone
+    assert lines[0] == f"{alone}; 4 at once 2,000,000 in total, 30,000 when each is updated alone"
+    assert lines[1] == alone
 
 
 def test_systems_of_metric_slam_are_timed_beside_the_yardstick(monkeypatch) -> None:
@@ -165,9 +165,9 @@ def test_systems_of_metric_slam_are_timed_beside_the_yardstick(monkeypatch) -> N
     rows = slam.measure_slam(tour_readings()[:5], rounds=1)
     assert rows[1]["ratio_to_karto"] == 1.0
     assert rows[0]["ratio_to_karto"] > 1.0
-    told = as_text({**bench("--part", "laser"), "slam": rows}).splitlines()
-    assert told[-1].startswith("slam ")
-    assert told[-1].endswith("1.00 times karto)  gmapping")
+    lines = as_text({**bench("--part", "laser"), "slam": rows}).splitlines()
+    assert lines[-1].startswith("slam ")
+    assert lines[-1].endswith("1.00 times karto)  gmapping")
 
 
 def test_what_a_loop_over_mappers_costs_is_told() -> None:
@@ -176,9 +176,9 @@ def test_what_a_loop_over_mappers_costs_is_told() -> None:
     assert row["name"] == "association"  # albot1 has a batch of its own.
     assert row["ratio"] == pytest.approx(1 + row["above_us"] / row["own_us"])  # type: ignore[operator]
     row = {"name": "x", "robots": 256, "own_us": 20.0, "above_us": 12.34, "ratio": 1.617}
-    told = as_text({**bench("--part", "laser"), "mapper": [row]}).splitlines()
+    lines = as_text({**bench("--part", "laser"), "mapper": [row]}).splitlines()
     line = "256 in a loop     12.3 µs/reading above the 20.0 of its own update (1.62 times)  x"
-    assert f"mapper          {line}" in told
+    assert f"mapper          {line}" in lines
 
 
 def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:

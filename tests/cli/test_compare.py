@@ -48,10 +48,10 @@ def in_process(monkeypatch):
 def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):
     out = tmp_path / "side-by-side"
     words = ("--mappers", "odometry,albot1", "--reference", truth_file, "--out", out, "--json")
-    told = figures(call("compare", corridor[0], *words))
-    assert [row["mapper"] for row in told["rows"]] == ["odometry", "albot1"]
-    assert all(row.keys() >= KEYS for row in told["rows"])
-    odometry, albot1 = told["rows"]
+    found = figures(call("compare", corridor[0], *words))
+    assert [row["mapper"] for row in found["rows"]] == ["odometry", "albot1"]
+    assert all(row.keys() >= KEYS for row in found["rows"])
+    odometry, albot1 = found["rows"]
     mapped = figures(
         call("map", corridor[0], "--mapper", "albot1", "--reference", truth_file, "--json")
     )
@@ -60,9 +60,9 @@ def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):
     assert odometry["ate_rmse_m"] == pytest.approx(mapped["odometry_ate_rmse_m"])
     # Its own frame is where the robot set out, so what the odometer is short by adds up.
     assert odometry["unaligned_rmse_m"] > 1.5 * odometry["ate_rmse_m"]
-    assert all(row["peak_mib"] > 20 and row["map_bytes"] > 1000 for row in told["rows"])
+    assert all(row["peak_mib"] > 20 and row["map_bytes"] > 1000 for row in found["rows"])
     assert {path.name for path in out.iterdir()} == set(FILES)
-    assert json.loads((out / "comparison.json").read_text())["rows"] == told["rows"]
+    assert json.loads((out / "comparison.json").read_text())["rows"] == found["rows"]
     lines = (out / "comparison.md").read_text().splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| odometry", "| albot1"]
     with Image.open(out / "comparison.png") as picture:
@@ -70,10 +70,10 @@ def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):
 
 
 def test_by_default_all_that_see_by_the_sensors(corridor, call, in_process):
-    told = figures(call("compare", corridor[0], "--json"))
+    found = figures(call("compare", corridor[0], "--json"))
     fitting = [name for name in installed_mappers() if mapper_spec(name).sensors <= {"laser"}]
-    assert [row["mapper"] for row in told["rows"]] == fitting
-    assert all(row["ate_rmse_m"] is None for row in told["rows"])
+    assert [row["mapper"] for row in found["rows"]] == fitting
+    assert all(row["ate_rmse_m"] is None for row in found["rows"])
 
 
 def test_what_was_not_read_is_said(corridor, call, tmp_path, in_process):
@@ -96,10 +96,10 @@ def test_a_reference_of_another_log_is_named(corridor, call, tmp_path, in_proces
 
 
 def test_an_episode_as_its_mapper_saw_it(episode_file, call, in_process):
-    told = figures(call("compare", episode_file, "--mappers", "odometry", "--json"))
+    found = figures(call("compare", episode_file, "--mappers", "odometry", "--json"))
     replayed = figures(call("play", episode_file, "--headless", "--json"))
-    (row,) = told["rows"]
-    assert told["readings"] == 41
+    (row,) = found["rows"]
+    assert found["readings"] == 41
     assert (row["updates"], row["surfaces"]) == (replayed["updates"], replayed["surfaces"])
     assert 0 < row["ate_rmse_m"] <= row["unaligned_rmse_m"] * (1 + 1e-9)
 
@@ -112,8 +112,8 @@ def test_seeds_of_a_world(call, in_process, monkeypatch, tmp_path):
 
     monkeypatch.setattr("albot_cli.explored_logs.run_parallel", explore_here)
     words = ("--seeds", "3..5", "--steps", 60, "--mappers", "odometry", "--sonar", "none")
-    told = figures(call("compare", "random:hall", *words, "--json"))
-    (row,) = told["rows"]
+    found = figures(call("compare", "random:hall", *words, "--json"))
+    (row,) = found["rows"]
     errors = [run["ate_rmse_m"] for run in row["runs"]]
     assert [run["seed"] for run in row["runs"]] == [3, 4, 5]
     assert len(set(errors)) == 3
@@ -193,8 +193,8 @@ def test_rows_and_columns_of_what_is_known(corridor):
     for seed, error in enumerate((0.3, 0.1, 0.2)):
         run = MapperRun(choice=choice, source=Source(log=read_log(corridor[0]), seed=seed))
         relations = {"translation_mean_m": error / 2, "rotation_mean_deg": 1.0}
-        told = {"ate_rmse_m": error, "relations": relations, "updates": seed}
-        results.append(RunResult(figures=no_figures(run) | told))
+        found = {"ate_rmse_m": error, "relations": relations, "updates": seed}
+        results.append(RunResult(figures=no_figures(run) | found))
     dead = MapperRun(choice=choice, source=Source(log=read_log(corridor[0]), seed=3))
     results.append(RunResult(figures=no_figures(dead) | {"error": "the process died"}))
     (row,) = rows_of([choice], results)

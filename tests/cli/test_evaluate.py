@@ -158,7 +158,7 @@ def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize(
-    ("task", "agent", "told"),
+    ("task", "agent", "texts"),
     [
         ("Homing", "path-integration", ("success", "SPL", "from home", "covered")),
         ("ExploreAndHome", "round-trip", ("success", "SPL", "from home", "covered")),
@@ -167,13 +167,13 @@ def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch)
     ],
 )
 def test_every_task_has_its_figures_in_words(
-    run: Albot, monkeypatch: pytest.MonkeyPatch, task: str, agent: str, told: tuple[str, ...]
+    run: Albot, monkeypatch: pytest.MonkeyPatch, task: str, agent: str, texts: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("--worlds", "square-loop", "--seeds", "3..3", "--steps", "15", "--jobs", "1")
     status, out, err = run("evaluate", f"Albot/{task}-v0", "--agent", agent, *words)
     assert (status, err) == (0, "")
-    for word in told:
+    for word in texts:
         assert word in out
 
 
@@ -242,10 +242,10 @@ def test_a_trial_tells_its_steps() -> None:
         task="Albot/Homing-v0", agent="path-integration", world="square-loop", seed=1,
         settings={**settings, "config": STROLL},
     )  # fmt: skip
-    told: list[int] = []
-    outcome = run_trial(trial, told.append)
+    steps: list[int] = []
+    outcome = run_trial(trial, steps.append)
     assert isinstance(outcome, Outcome)
-    assert told == list(range(len(outcome.path)))
+    assert steps == list(range(len(outcome.path)))
     assert outcome.driven == pytest.approx(outcome.info["way_driven"])
 
 

@@ -42,8 +42,8 @@ def test_an_experiment_tells_how_many_seeds_are_done(
     clock = SimpleNamespace(monotonic=itertools.count(0.0, 1.0).__next__)
     monkeypatch.setattr(progress, "time", clock)
     monkeypatch.setattr(progress, "EVERY", 0.0)
-    told = call("experiment", "run", "toy", "--seeds", "3..5", "--json").stderr.splitlines()
-    assert [line.split(", ")[0] for line in told] == [f"toy: {k} of 3 seeds" for k in (1, 2, 3)]
+    found = call("experiment", "run", "toy", "--seeds", "3..5", "--json").stderr.splitlines()
+    assert [line.split(", ")[0] for line in found] == [f"toy: {k} of 3 seeds" for k in (1, 2, 3)]
 
 
 @pytest.mark.parametrize(
@@ -53,9 +53,9 @@ def test_an_experiment_tells_how_many_seeds_are_done(
 def test_it_runs_over_its_own_seeds_or_those_asked_for(
     call: Callable[..., Result], words: tuple[str, ...], first: int, last: int
 ) -> None:
-    told = figures(call("experiment", "run", "toy", *words, "--json"))
-    assert (told["id"], told["holds"], told["files"]) == ("toy", True, [])
-    assert told["measured"] == {"first": first, "last": last}
+    found = figures(call("experiment", "run", "toy", *words, "--json"))
+    assert (found["id"], found["holds"], found["files"]) == ("toy", True, [])
+    assert found["measured"] == {"first": first, "last": last}
     lines = call("experiment", "run", "toy", *words).stdout.splitlines()
     assert lines[0] == "toy: A toy"
     assert ["first", "7", str(first)] in [line.split() for line in lines]
@@ -67,9 +67,9 @@ def test_its_report_is_written_and_not_over_another_one(
 ) -> None:
     out = tmp_path / "toy"
     words = ("experiment", "run", "toy", "--seeds", "3..5", "--out", out)
-    told = figures(call(*words, "--json"))
-    assert told["files"] == [str(out / name) for name in REPORT_FILES]
-    assert json.loads((out / "result.json").read_text())["measured"] == told["measured"]
+    found = figures(call(*words, "--json"))
+    assert found["files"] == [str(out / name) for name in REPORT_FILES]
+    assert json.loads((out / "result.json").read_text())["measured"] == found["measured"]
     expect_error(call(*words), "result.json", "--force")
     assert call(*words, "--force").exception is None
     expect_error(call("experiment", "run", "toi"), "did you mean toy?")

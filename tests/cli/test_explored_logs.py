@@ -33,13 +33,13 @@ def test_logs_come_in_the_order_of_their_explorations_whichever_ends_first(monke
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ({"world": "square-lop"}, "did you mean square-loop"),
         ({"agent": "oracle"}, "found oracle, which is for Albot/Homing-v0"),
         ({"sensors": {"laser": "lng"}}, "laser"),
     ],
 )
-def test_what_cannot_be_explored_is_refused_before_any_process_begins(changes, told) -> None:
-    with pytest.raises(InputError, match=told):
+def test_what_cannot_be_explored_is_refused_before_any_process_begins(changes, message) -> None:
+    with pytest.raises(InputError, match=message):
         explore_all([_exploration(**changes)], jobs=1)

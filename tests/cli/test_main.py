@@ -83,8 +83,8 @@ def test_a_full_disk_is_said_of_the_file(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    told = f"albot: cannot write {tmp_path / 'figures.json'}: No space left on device\n"
-    assert capsys.readouterr().err == told
+    message = f"albot: cannot write {tmp_path / 'figures.json'}: No space left on device\n"
+    assert capsys.readouterr().err == message
 
 
 def test_the_module_is_the_command() -> None:
@@ -124,8 +124,8 @@ def test_an_empty_path_is_refused_by_every_command(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    told = "albot: Invalid value for '--out': expected a path, found ''.\n"
-    assert capsys.readouterr() == ("", told)
+    message = "albot: Invalid value for '--out': expected a path, found ''.\n"
+    assert capsys.readouterr() == ("", message)
 
 
 @pytest.mark.parametrize("words", [("play",), ("stress",)])

@@ -53,22 +53,22 @@ SEE_BY_LASER = [name for name in installed_mappers() if mapper_spec(name).sensor
 
 @pytest.mark.parametrize("mapper", SEE_BY_LASER)
 def test_what_json_holds(mapper, corridor, call):
-    told = figures(call("map", corridor[0], "--mapper", mapper, "--json"))
-    assert told.keys() >= KEYS
-    assert told["log"] == "corridor.log"
-    assert told["mapper"] == mapper
-    assert told["scans"] == 28
-    assert told["path_m"] == pytest.approx(0.96 * 0.4 * 27, abs=0.01)
-    assert told["updates"] >= 1
+    found = figures(call("map", corridor[0], "--mapper", mapper, "--json"))
+    assert found.keys() >= KEYS
+    assert found["log"] == "corridor.log"
+    assert found["mapper"] == mapper
+    assert found["scans"] == 28
+    assert found["path_m"] == pytest.approx(0.96 * 0.4 * 27, abs=0.01)
+    assert found["updates"] >= 1
     layers = mapper_spec(mapper).layers
-    assert told["surfaces"] >= (3 if "segments" in layers else 0)
-    assert told["seconds"] > 0
-    assert told["scans_per_second"] == pytest.approx(28 / told["seconds"])
-    assert (told["places"] is None) == ("place_graph" not in layers)
+    assert found["surfaces"] >= (3 if "segments" in layers else 0)
+    assert found["seconds"] > 0
+    assert found["scans_per_second"] == pytest.approx(28 / found["seconds"])
+    assert (found["places"] is None) == ("place_graph" not in layers)
     if mapper.startswith("albot1"):
-        assert told["places"] == 1
+        assert found["places"] == 1
     unknown = ("ate_rmse_m", "odometry_ate_rmse_m", "relations", "files", "left_out")
-    assert all(told[key] is None for key in unknown)
+    assert all(found[key] is None for key in unknown)
 
 
 def test_the_default_mapper_is_albot1(corridor, call):
@@ -76,31 +76,31 @@ def test_the_default_mapper_is_albot1(corridor, call):
 
 
 def test_the_errors_against_a_reference(corridor, truth_file, call):
-    told = figures(
+    found = figures(
         call("map", corridor[0], "--mapper", "odometry", "--reference", truth_file, "--json")
     )
-    assert told["odometry_ate_rmse_m"] == pytest.approx(told["ate_rmse_m"])
+    assert found["odometry_ate_rmse_m"] == pytest.approx(found["ate_rmse_m"])
     # 4 % short along 10.8 m: ± 0.216 m at the ends once aligned, its rms that over √3.
-    assert told["ate_rmse_m"] == pytest.approx(0.216 / np.sqrt(3), rel=0.15)
+    assert found["ate_rmse_m"] == pytest.approx(0.216 / np.sqrt(3), rel=0.15)
 
 
 def test_the_errors_against_relations(corridor, call):
     path, _ = corridor
     relations = path.with_name("true.relations")
     relations.write_text("0.5 1.5 0.4 0 0 0 0 0\n1.5 2.5 0.4 0 0 0 0 0\n77 88 0 0 0 0 0 0\n")
-    told = figures(call("map", path, "--mapper", "odometry", "--relations", relations, "--json"))
-    assert told["relations"].keys() == RELATION_KEYS
-    assert told["relations"]["count"] == 2
-    assert told["relations"]["translation_mean_m"] == pytest.approx(0.016, abs=1e-4)
+    found = figures(call("map", path, "--mapper", "odometry", "--relations", relations, "--json"))
+    assert found["relations"].keys() == RELATION_KEYS
+    assert found["relations"]["count"] == 2
+    assert found["relations"]["translation_mean_m"] == pytest.approx(0.016, abs=1e-4)
     turns = np.rad2deg([1.3 * 0.02 * np.cos(k) for k in (1, 2)])
-    assert told["relations"]["rotation_mean_deg"] == pytest.approx(np.abs(turns).mean(), abs=1e-3)
+    assert found["relations"]["rotation_mean_deg"] == pytest.approx(np.abs(turns).mean(), abs=1e-3)
 
 
 def test_an_episode_is_a_log_that_knows_where_the_robot_was(episode_file, call):
-    told = figures(call("map", episode_file, "--mapper", "odometry", "--json"))
-    assert (told["log"], told["scans"]) == ("watched.mcap", 41)
-    assert told["ate_rmse_m"] == pytest.approx(told["odometry_ate_rmse_m"])
-    assert 0 < told["ate_rmse_m"] < 0.5
+    found = figures(call("map", episode_file, "--mapper", "odometry", "--json"))
+    assert (found["log"], found["scans"]) == ("watched.mcap", 41)
+    assert found["ate_rmse_m"] == pytest.approx(found["odometry_ate_rmse_m"])
+    assert 0 < found["ate_rmse_m"] < 0.5
 
 
 def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, call):
@@ -115,11 +115,11 @@ def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, ca
 
 def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, call, tmp_path):
     asked = ("map", corridor[0], "--reference", truth_file, "--recognition")
-    told = figures(call(*asked, "--out", tmp_path / "out", "--json"))["recognition"]
+    found = figures(call(*asked, "--out", tmp_path / "out", "--json"))["recognition"]
     assert (tmp_path / "out" / "recognition.png").read_bytes().startswith(b"\x89PNG")
     # A corridor once along: nothing is seen twice, and whatever is claimed is a false alarm.
-    assert told["queries"] == 0
-    assert told["recall"] == {"1.00": 0.0, "0.99": 0.0, "0.95": 0.0}
+    assert found["queries"] == 0
+    assert found["recall"] == {"1.00": 0.0, "0.99": 0.0, "0.95": 0.0}
     assert "recognised of 0 places seen before" in call(*asked).stdout
     expect_error(call("map", corridor[0], "--recognition"), "--recognition", "a reference")
 
@@ -130,9 +130,9 @@ def test_the_files(corridor, truth_file, call, tmp_path):
         call("map", corridor[0], "--out", out), "expected an existing parent folder", "found none"
     )
     out.parent.mkdir()
-    told = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
+    found = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
     assert {path.name for path in out.iterdir()} == FILES | PLACES
-    assert {Path(path) for path in told["files"].values()} == set(out.iterdir())
+    assert {Path(path) for path in found["files"].values()} == set(out.iterdir())
     assert list(out.parent.iterdir()) == [out]
     mapper = load_map(out / "map.albot")
     assert mapper.spec.name == "albot1"
@@ -140,8 +140,8 @@ def test_the_files(corridor, truth_file, call, tmp_path):
     np.testing.assert_array_equal(believed.stamps, corridor[1].stamps)
     np.testing.assert_allclose(believed.poses[-1], mapper.estimate.pose, atol=1e-9)
     features = json.loads((out / "surfaces.geojson").read_text())["features"]
-    assert sum("kind" not in feature["properties"] for feature in features) == told["surfaces"]
-    assert sum("kind" in feature["properties"] for feature in features) == told["places"] == 1
+    assert sum("kind" not in feature["properties"] for feature in features) == found["surfaces"]
+    assert sum("kind" in feature["properties"] for feature in features) == found["places"] == 1
     assert (out / "events.txt").read_text() == "view 1: set out in P1\n"
     assert list(nx.read_graphml(out / "network.graphml").nodes) == ["0"]
     with Image.open(out / "map.png") as picture:
@@ -149,11 +149,11 @@ def test_the_files(corridor, truth_file, call, tmp_path):
 
 
 def test_a_mapper_without_places_leaves_no_files_of_places(corridor, call, tmp_path):
-    told = figures(
+    found = figures(
         call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "a", "--json")
     )
     assert {path.name for path in (tmp_path / "a").iterdir()} == FILES
-    assert set(told["files"]) == {"trajectory", "surfaces", "picture", "map"}
+    assert set(found["files"]) == {"trajectory", "surfaces", "picture", "map"}
 
 
 def test_the_files_are_the_same_each_time(corridor, call, tmp_path):
@@ -201,9 +201,9 @@ def test_a_mapper_that_believes_to_be_nowhere_is_named(corridor, call, tmp_path,
     estimate = OdometryMapper.estimate.fget
 
     def nowhere(mapper: OdometryMapper) -> Estimate:
-        told = estimate(mapper)
-        told.pose[0] = np.nan if told.pose[0] > 2 else told.pose[0]
-        return told
+        found = estimate(mapper)
+        found.pose[0] = np.nan if found.pose[0] > 2 else found.pose[0]
+        return found
 
     monkeypatch.setattr(OdometryMapper, "estimate", property(nowhere))
     result = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "out")
@@ -266,9 +266,9 @@ def test_a_torn_episode_is_mapped_and_said_to_be_torn(episode_file, call, tmp_pa
     whole = episode_file.read_bytes()
     path = tmp_path / "torn.mcap"
     path.write_bytes(whole[: len(whole) // 2])
-    told = figures(call("map", path, "--mapper", "odometry", "--json"))
-    assert 1 < told["scans"] < 41
-    assert told["left_out"]["reason"].startswith("torn.mcap: never closed, ends early; read up to")
+    found = figures(call("map", path, "--mapper", "odometry", "--json"))
+    assert 1 < found["scans"] < 41
+    assert found["left_out"]["reason"].startswith("torn.mcap: never closed, ends early; read up to")
     assert "not read: the rest (torn.mcap: never closed" in call("map", path).stdout
 
 
@@ -277,11 +277,11 @@ def test_a_torn_log_and_its_good_beginning(corridor, call, tmp_path):
     lines = corridor[0].read_text().splitlines()
     path.write_text("\n".join([*lines[:20], lines[20][:300], *lines[21:23]]))
     expect_error(call("map", path), "torn.log, line 21: expected")
-    told = figures(call("map", path, "--keep-going", "--json"))
-    assert told["scans"] == 20
-    assert told["left_out"]["lines"] == 3
-    assert told["left_out"]["scans"] == 3
-    assert "line 21" in told["left_out"]["reason"]
+    found = figures(call("map", path, "--keep-going", "--json"))
+    assert found["scans"] == 20
+    assert found["left_out"]["lines"] == 3
+    assert found["left_out"]["scans"] == 3
+    assert "line 21" in found["left_out"]["reason"]
     shown = call("map", path, "--keep-going").stdout
     assert "not read: 3 lines, 3 scans" in shown
     other = tmp_path / "other.tum"
@@ -295,9 +295,9 @@ def test_the_list_of_mappers(call):
     shown = call("mappers").stdout
     assert all(name in shown for name in mapper_names())
     assert "Hossain" in shown
-    told = figures(call("mappers", "--json"))
-    assert [entry["name"] for entry in told["mappers"]] == list(mapper_names())
-    assert all(entry["summary"] and entry["paper"] for entry in told["mappers"])
+    found = figures(call("mappers", "--json"))
+    assert [entry["name"] for entry in found["mappers"]] == list(mapper_names())
+    assert all(entry["summary"] and entry["paper"] for entry in found["mappers"])
 
 
 def test_poses_are_paired_by_line_where_stamps_do_not_tell_the_time(
@@ -312,13 +312,13 @@ def test_poses_are_paired_by_line_where_stamps_do_not_tell_the_time(
         if words and words[0] == "FLASER":
             words[-3] = "1.13486e+09"
     coarse.write_text("\n".join(map(" ".join, lines)) + "\n")
-    told = figures(call("map", coarse, "--reference", truth_file, *asked))
-    assert told["ate_rmse_m"] == pytest.approx(expected["ate_rmse_m"])
-    clock, paired = told["notes"]
+    found = figures(call("map", coarse, "--reference", truth_file, *asked))
+    assert found["ate_rmse_m"] == pytest.approx(expected["ate_rmse_m"])
+    clock, paired = found["notes"]
     assert clock.endswith("28 scans share 1 stamp); the scans stay in the file's order")
     assert paired == f"the poses of {truth_file.name} are paired line by line"
     part = tmp_path / "part.tum"
     write_tum(Trajectory(stamps=truth.stamps[1:], poses=truth.poses[1:]), part)
-    told = figures(call("map", coarse, "--reference", part, *asked))
-    assert told["ate_rmse_m"] is None
-    assert "the poses of part.tum are not compared" in told["notes"][1]
+    found = figures(call("map", coarse, "--reference", part, *asked))
+    assert found["ate_rmse_m"] is None
+    assert "the poses of part.tum are not compared" in found["notes"][1]

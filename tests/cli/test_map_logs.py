@@ -28,12 +28,12 @@ def test_albot1_betters_the_odometer_on_real_logs(name, odometry, limit, call, d
         "--relations",
         logs / "intel.relations",
     ]
-    told = figures(call("map", logs / name, *(intel if "intel" in name else []), "--json"))
-    assert told["odometry_ate_rmse_m"] == pytest.approx(odometry, abs=0.1)
-    assert told["ate_rmse_m"] < limit
+    found = figures(call("map", logs / name, *(intel if "intel" in name else []), "--json"))
+    assert found["odometry_ate_rmse_m"] == pytest.approx(odometry, abs=0.1)
+    assert found["ate_rmse_m"] < limit
     if "intel" in name:
-        assert told["relations"]["count"] == 90
-        assert told["relations"]["translation_mean_m"] < 1.0
+        assert found["relations"]["count"] == 90
+        assert found["relations"]["translation_mean_m"] < 1.0
 
 
 @pytest.mark.parametrize(
@@ -41,10 +41,10 @@ def test_albot1_betters_the_odometer_on_real_logs(name, odometry, limit, call, d
     [("wean_robotdata1.log.xz", 713), ("wean_robotdata2.log.xz", 2251), ("duke_loop5.log.xz", 551)],
 )
 def test_raw_logs_without_a_reference(name, scans, call, data, tmp_path):
-    told = figures(call("map", data / "logs" / name, "--out", tmp_path / "out", "--json"))
-    assert told["scans"] == scans
-    assert told["ate_rmse_m"] is None
-    assert told["map_entropy"] < told["odometry_map_entropy"] - 0.1
+    found = figures(call("map", data / "logs" / name, "--out", tmp_path / "out", "--json"))
+    assert found["scans"] == scans
+    assert found["ate_rmse_m"] is None
+    assert found["map_entropy"] < found["odometry_map_entropy"] - 0.1
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES | PLACES
 
 
@@ -75,9 +75,9 @@ def reset_log(tmp_path):
         poses.append(compose(poses[-1], np.array((0.12, 0.0, 0.05))))
     scans, truth = [], []
     for k, pose in enumerate(poses):
-        told = compose(np.array((3.0, -8.0, 1.0)), pose) if k < 30 else relative(poses[30], pose)
+        found = compose(np.array((3.0, -8.0, 1.0)), pose) if k < 30 else relative(poses[30], pose)
         ranges = " ".join(f"{r:.3f}" for r in scan_from(pose).ranges)
-        where = " ".join(f"{number:.6f}" for number in (*told, *told))
+        where = " ".join(f"{number:.6f}" for number in (*found, *found))
         scans.append(f"FLASER {LASER.beams} {ranges} {where} {0.2 * k:.6f} robot {0.2 * k:.6f}")
         x, y, heading = pose
         half = f"{np.sin(heading / 2):.9f} {np.cos(heading / 2):.9f}"
@@ -90,12 +90,12 @@ def reset_log(tmp_path):
 @pytest.mark.parametrize("mapper", ["albot1", "association", "odometry", "scan-matching"])
 def test_a_reset_of_the_odometer_is_told_and_costs_nothing(mapper, reset_log, call):
     done = call("map", *reset_log, "--mapper", mapper, "--json")
-    told = figures(done)
-    (note,) = told["notes"]
+    found = figures(done)
+    (note,) = found["notes"]
     assert note.startswith("at scan 31 the odometer jumps by ")
     assert note in done.stderr
-    assert told["ate_rmse_m"] < 0.1 < 2.0 < told["odometry_ate_rmse_m"]
-    assert told["path_m"] == pytest.approx(59 * 0.12, abs=0.05)
+    assert found["ate_rmse_m"] < 0.1 < 2.0 < found["odometry_ate_rmse_m"]
+    assert found["path_m"] == pytest.approx(59 * 0.12, abs=0.05)
 
 
 def test_compare_tells_of_a_reset_too(reset_log, call):

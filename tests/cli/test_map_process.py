@@ -76,8 +76,8 @@ def test_stopping_leaves_nothing_half_written(corridor, tmp_path, number):
     scratch.mkdir()
     around = known_paths() | {"TMPDIR": str(scratch)}
     with running(command, tmp_path, around) as process:
-        _, told = process.communicate(timeout=120)
+        _, errors = process.communicate(timeout=120)
     assert process.returncode == 128 + number
-    assert told.strip() == b"albot: stopped"
+    assert errors.strip() == b"albot: stopped"
     assert set(tmp_path.iterdir()) == {corridor[0], scratch}
     assert not list(scratch.iterdir())

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from albot_cli import map_report
+from albot_cli import mapping_run
 from albot_cli.mapper_runs import MapperChoice, MapperRun, Source, measure_run
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.logs.reader import read_log
@@ -27,7 +27,7 @@ def test_the_time_to_load_a_mappers_code_does_not_count(
         return update(mapper, reading)
 
     monkeypatch.setattr(kind, "update", updated)
-    monkeypatch.setattr(map_report, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr(mapping_run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     log = read_log(corridor[0])
     run = MapperRun(choice=MapperChoice(label="a", name="odometry"), source=Source(log=log, seed=0))
     figures = measure_run(run).figures

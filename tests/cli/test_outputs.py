@@ -24,18 +24,18 @@ def test_a_file_may_be_new_or_written_over_if_that_is_said(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("force", [False, True])
 @pytest.mark.parametrize(
-    ("place", "told"),
+    ("place", "message"),
     [
         ("nowhere", "an existing folder .*nowhere, found none"),
         ("nowhere/on", "an existing folder .*on, found none"),
         ("file", "a file to write, found Not a directory"),
     ],
 )
-def test_a_file_needs_a_folder(tmp_path: Path, place: str, told: str, force: bool) -> None:
+def test_a_file_needs_a_folder(tmp_path: Path, place: str, message: str, force: bool) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=rf"a\.txt: expected {told}$"):
+    with pytest.raises(InputError, match=rf"a\.txt: expected {message}$"):
         check_file(tmp_path / place / "a.txt", force=force)
-    with pytest.raises(InputError, match=rf"a\.png: expected {told}$"):
+    with pytest.raises(InputError, match=rf"a\.png: expected {message}$"):
         check_png(tmp_path / place / "a.png", force=force)
 
 
@@ -62,8 +62,11 @@ def test_a_folder_is_refused_for_a_file_in_it_that_exists(tmp_path: Path) -> Non
     (tmp_path / "a.md").write_text("mine")
     check_folder(tmp_path, ["b.md"])
     check_folder(tmp_path, ["b.md", "a.md"], force=True)
-    for folder, told in ((tmp_path, "no existing file"), (tmp_path / "a" / "b", "parent folder")):
-        with pytest.raises(InputError, match=told):
+    for folder, message in (
+        (tmp_path, "no existing file"),
+        (tmp_path / "a" / "b", "parent folder"),
+    ):
+        with pytest.raises(InputError, match=message):
             check_folder(folder, ["b.md", "a.md"])
     with pytest.raises(InputError, match="a folder to write to, found a file at"):
         check_folder(tmp_path / "a.md")

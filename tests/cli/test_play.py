@@ -250,8 +250,8 @@ def test_things_move_unless_they_are_left_out(play: Play) -> None:
     ],
 )
 def test_the_help_names_every_preset(play: Play, option: str, presets: Mapping[str, Any]) -> None:
-    told = play("--help").stdout.split(f" {option} TEXT")[1].split(" --")[0]
-    assert set(presets) <= {word.strip(",.") for word in told.split()}
+    shown = play("--help").stdout.split(f" {option} TEXT")[1].split(" --")[0]
+    assert set(presets) <= {word.strip(",.") for word in shown.split()}
 
 
 @pytest.mark.parametrize("display", [{}, {"DISPLAY": ":987"}])
@@ -305,8 +305,8 @@ def test_every_task_is_played_by_its_agents_and_played_back(
     assert (summary["task"], summary["agent"]) == (find_task(task), agent)
     assert 0 < summary["steps"] <= 12
     header = EpisodeReader(Path("episode.mcap")).header
-    told = (header.environment, header.agent, header.world, header.mapper)
-    assert told == (summary["task"], agent, "square-loop", summary["mapper"])
+    shown = (header.environment, header.agent, header.world, header.mapper)
+    assert shown == (summary["task"], agent, "square-loop", summary["mapper"])
     back = play("episode.mcap", "--png", "again.png", "--json")
     assert back.returncode == 0, back.stderr
     played = json.loads(back.stdout)

@@ -44,10 +44,10 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_rows_of_other_tasks_stay(page: Path, call: Callable[..., Result]) -> None:
     for seeds, episodes in (("1..2", 2), ("1..5", 5)):  # What is measured again is replaced.
-        told = figures(call("results", "--out", page, "--seeds", seeds, "--json"))
-        rows = {row["agent"]: row["episodes"] for row in told["rows"]}
+        found = figures(call("results", "--out", page, "--seeds", seeds, "--json"))
+        rows = {row["agent"]: row["episodes"] for row in found["rows"]}
         assert rows == {"walker": 3, "oracle": episodes}
-    assert json.loads(page.with_suffix(".json").read_text()) == told["rows"]
+    assert json.loads(page.with_suffix(".json").read_text()) == found["rows"]
     text = page.read_text()
     assert "An old page." not in text
     assert "`walker`" in text

@@ -52,9 +52,9 @@ def test_a_signal_while_modules_are_imported_is_no_traceback(
 ) -> None:
     code = AT_IMPORT.format(count=count, number=int(number))
     with running([sys.executable, "-c", code, *words.split()], tmp_path) as process:
-        out, told = process.communicate(timeout=60)
+        out, errors = process.communicate(timeout=60)
     assert out == b""
-    assert told.strip() in (b"", b"albot: stopped")
+    assert errors.strip() in (b"", b"albot: stopped")
     assert process.returncode in (-number, 128 + number)
 
 
@@ -64,10 +64,10 @@ def test_a_signal_leaves_a_whole_episode(number: int, tmp_path: Path) -> None:
     with running([*ALBOT, *PLAY, "--steps", "1000000"], tmp_path) as process:
         wait_until(lambda: episode.exists() and episode.stat().st_size > 100_000)
         process.send_signal(number)
-        out, told = process.communicate(timeout=60)
+        out, errors = process.communicate(timeout=60)
     assert (process.returncode, out) == (128 + number, b"")
-    assert b"albot: episode.mcap holds the episode up to here\n" in told
-    assert told.endswith(b"albot: stopped\n")
+    assert b"albot: episode.mcap holds the episode up to here\n" in errors
+    assert errors.endswith(b"albot: stopped\n")
     reader = EpisodeReader(episode)
     assert len(list(reader.moments())) > 20
     assert not reader.torn
@@ -87,16 +87,16 @@ def test_workers_end_with_whoever_started_them(tmp_path: Path) -> None:
 
 def _workers(starter: int) -> int:
     """How many of a process's children are workers that wait for its end, in a thread."""
-    told = subprocess.run(
+    listed = subprocess.run(
         ["ps", "--ppid", str(starter), "-o", "nlwp="], capture_output=True, text=True, check=False
     )
-    return sum(int(threads) > 1 for threads in told.stdout.split())
+    return sum(int(threads) > 1 for threads in listed.stdout.split())
 
 
 def _session(number: int) -> list[int]:
     """The processes of a session."""
-    told = subprocess.run(["ps", "-A", "-o", "sess="], capture_output=True, text=True, check=True)
-    return [int(word) for word in told.stdout.split() if int(word) == number]
+    listed = subprocess.run(["ps", "-A", "-o", "sess="], capture_output=True, text=True, check=True)
+    return [int(word) for word in listed.stdout.split() if int(word) == number]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -105,8 +105,8 @@ def test_a_signal_to_all_processes_tells_what_was_found(number: int, tmp_path: P
         # Each has loaded what it needs once it takes time.
         wait_until(lambda: len(_session(process.pid)) > 2)
         os.killpg(process.pid, number)
-        out, told = process.communicate(timeout=60)
-    assert (process.returncode, told) == (128 + number, b"")
+        out, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (128 + number, b"")
     found = json.loads(out)
     assert (found["stopped"], found["violations"]) == (True, [])
 
@@ -119,10 +119,10 @@ def test_a_closed_pipe_is_no_fault(words: str, tmp_path: Path) -> None:
     os.close(end)
     try:
         with running([*ALBOT, *words.split()], tmp_path, stdout=ours) as process:
-            _, told = process.communicate(timeout=60)
+            _, errors = process.communicate(timeout=60)
     finally:
         os.close(ours)
-    assert (process.returncode, told) == (128 + signal.SIGPIPE, b"")
+    assert (process.returncode, errors) == (128 + signal.SIGPIPE, b"")
 
 
 def test_ignored_signals_stay_ignored(tmp_path: Path) -> None:

@@ -129,9 +129,9 @@ def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
     with running(command, tmp_path, going) as process:
         wait_until((tmp_path / "going").exists)
         os.killpg(process.pid, signal.SIGINT)  # As the terminal does: the workers get it too.
-        out, told = process.communicate(timeout=60)
+        out, errors = process.communicate(timeout=60)
     found: dict[str, Any] = json.loads(out)
-    assert (process.returncode, told) == (130, b"")
+    assert (process.returncode, errors) == (130, b"")
     assert found["stopped"] is True
     assert found["violations"] == []
     assert found["episodes"] < 100000

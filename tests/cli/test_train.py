@@ -73,8 +73,8 @@ def test_train_resume_evaluate_and_tell(
     assert f"albot train {TASK} --config {config}" in card.read_text()
     assert picture.is_file()
 
-    told = ("--worlds", "square-loop", "--seeds", "3", "--steps", 5, "--json")
-    words = ("evaluate", TASK, "--agent", found["files"]["best"], "--outward", "1..2", *told)
+    parts = ("--worlds", "square-loop", "--seeds", "3", "--steps", 5, "--json")
+    words = ("evaluate", TASK, "--agent", found["files"]["best"], "--outward", "1..2", *parts)
     status, out, err = run(*words)
     assert (status, err) == (0, "")
     evaluation = json.loads(out)
@@ -95,8 +95,8 @@ def test_without_a_terminal_lines_tell_how_it_goes(
     json.loads(out)
     last = err.splitlines()[-1]
     assert f"train {TASK}: 32 of 32 samples, " in last
-    for told in ("samples/s", " left, ", " episodes, ", "return ", "% success"):
-        assert told in last
+    for parts in ("samples/s", " left, ", " episodes, ", "return ", "% success"):
+        assert parts in last
     status, out, err = run(*words, tmp_path / "quiet", "--quiet")
     assert (status, err) == (0, "")
 

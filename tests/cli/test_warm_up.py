@@ -43,8 +43,8 @@ def test_warm_up_compiles_what_is_not_compiled(monkeypatch: pytest.MonkeyPatch) 
 
     def figures() -> dict[str, float]:
         done = CliRunner().invoke(albot, ["warm-up", "--json"], catch_exceptions=False)
-        told: dict[str, float] = json.loads(done.stdout)
-        return told
+        found: dict[str, float] = json.loads(done.stdout)
+        return found
 
     assert figures()["compiled"] == 1
     warm_up.mark_path().unlink()
@@ -94,20 +94,20 @@ def test_a_call_that_is_broken_off_leaves_no_mark(monkeypatch: pytest.MonkeyPatc
 
 
 def test_warm_up_says_how_far_it_has_come(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[tuple[int, str]] = []
+    found: list[tuple[int, str]] = []
 
     class Telling:
         def __init__(self, *_: object, **__: object) -> None: ...
 
         def __enter__(self) -> Any:
-            return lambda done, note="": told.append((done, note))
+            return lambda done, note="": found.append((done, note))
 
         def __exit__(self, *_: object) -> None: ...
 
     monkeypatch.setattr(warm_up, "progress", Telling)
     monkeypatch.setattr(warm_up, "_parts", lambda: iter([("one", int), ("two", int)]))
     CliRunner().invoke(albot, ["warm-up"], catch_exceptions=False)
-    assert told == [(0, "one"), (1, "two"), (2, "")]
+    assert found == [(0, "one"), (1, "two"), (2, "")]
 
 
 def test_warm_up_runs_whatever_is_registered() -> None:

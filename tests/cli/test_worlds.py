@@ -80,8 +80,8 @@ def test_show_draws_a_floor_plan(albot, flags):
     if flags:
         assert json.loads(out)["png"] == "ring.png"
     assert [path.name for path in Path().iterdir()] == ["ring.png"]
-    told = "albot: ring.png: expected no existing file, or --force to overwrite it, found one\n"
-    assert albot("show", "office-ring", "--png", "ring.png") == (2, "", told)
+    message = "albot: ring.png: expected no existing file, or --force to overwrite it, found one\n"
+    assert albot("show", "office-ring", "--png", "ring.png") == (2, "", message)
     assert albot("show", "square-loop", "--png", "ring.png", "--force")[0] == 0
 
 

@@ -20,8 +20,8 @@ def test_a_missing_file_is_said_to_be_not_found() -> None:
     twin = copy.copy(error)
     assert isinstance(twin, MissingFileError)
     assert str(twin) == str(error) == "intel.log: file not found"
-    for told in (error, twin):
-        assert (told.expected, told.found) == ("a file that exists", "none")
+    for each in (error, twin):
+        assert (each.expected, each.found) == ("a file that exists", "none")
 
 
 def test_what_was_found_is_quoted_in_short() -> None:

@@ -144,12 +144,12 @@ def test_an_episode_holds_it_to_the_last_bit(two_rooms: World, tmp_path: Path) -
         assert (one.activity is None) == (other.activity is None)
         if one.activity is not None and other.activity is not None:
             _assert_same(one.activity, other.activity)
-    told = sum(moment.activity is not None for moment in read)
-    assert 3 < told < len(read)  # Only where it has changed.
+    count = sum(moment.activity is not None for moment in read)
+    assert 3 < count < len(read)  # Only where it has changed.
     assert live.activity is not None
     assert trace.frame.activity is not None
     _assert_same(trace.frame.activity, live.activity)
-    assert len(live.packets) == told
+    assert len(live.packets) == count
     assert np.array_equal(trace.frame.packets, live.packets)
     played, shown = lay_out(trace.frame), lay_out(live)
     assert np.array_equal(canvas.paint_array(played), canvas.paint_array(shown))

@@ -7,7 +7,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_experiments import albot1_e1 as e1
-from albot_experiments.tours import Journey, guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
 
 RING = e1.ROUTES[0]
@@ -19,7 +19,7 @@ def world() -> World:
 
 
 @pytest.fixture(scope="module")
-def journey(world: World) -> Journey:
+def journey(world: World) -> TourRecord:
     """Home, along the bare corridor, and some way into the next room."""
     return guided_tour(world, RING.waypoints(world)[:7], np.random.default_rng(3))
 

@@ -13,11 +13,11 @@ from albot_cli.group import albot
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_experiments import albot1_e3 as e3
-from albot_experiments.tours import Journey, guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import load_world
 
 
-def guided(floor: e3.Floor, seed: int) -> Journey:
+def guided(floor: e3.Floor, seed: int) -> TourRecord:
     world = load_world(floor.world)
     rng = np.random.default_rng(seed)
     return guided_tour(world, world.tours[floor.tour], rng, steps=floor.steps, laser=floor.laser)
@@ -27,7 +27,7 @@ OFFICE = e3.FLOORS["office"].world
 
 
 @pytest.fixture(scope="module")
-def journey() -> Journey:
+def journey() -> TourRecord:
     return guided(e3.FLOORS["office"], 3)
 
 
@@ -38,31 +38,31 @@ def test_the_journeys_are_the_theses(floor: str) -> None:
     assert 90 < journey.path_length < 105
 
 
-def test_the_drift_sets_the_corner_just_so_far_apart(journey: Journey) -> None:
+def test_the_drift_sets_the_corner_just_so_far_apart(journey: TourRecord) -> None:
     corner = e3.common_corner(load_world(OFFICE), journey)
     drifted = e3.drifting(journey, corner, 4.6)
-    assert e3.map_journey("odometry", drifted, corner).error == pytest.approx(4.6, abs=1e-6)
-    assert e3.map_journey("odometry", journey, corner).error != pytest.approx(4.6, abs=0.05)
+    assert e3.map_tour("odometry", drifted, corner).error == pytest.approx(4.6, abs=1e-6)
+    assert e3.map_tour("odometry", journey, corner).error != pytest.approx(4.6, abs=0.05)
 
 
-def test_an_impossible_drift_is_refused(journey: Journey) -> None:
+def test_an_impossible_drift_is_refused(journey: TourRecord) -> None:
     corner = e3.common_corner(load_world(OFFICE), journey)
     with pytest.raises(InputError, match="a drift that ends 500"):
         e3.drifting(journey, corner, 500.0)
 
 
-def test_the_disturbance_stands_between_views(journey: Journey) -> None:
+def test_the_disturbance_stands_between_views(journey: TourRecord) -> None:
     moved = e3.moved_by(journey, e3.DISTURBANCE)
     for before, after in zip(journey.readings[1:], moved.readings[1:], strict=True):
         assert np.allclose(after.motion - before.motion, e3.DISTURBANCE)
     assert np.array_equal(journey.readings[0].motion, moved.readings[0].motion)
 
 
-def test_the_map_bears_what_the_odometer_does_not(journey: Journey) -> None:
+def test_the_map_bears_what_the_odometer_does_not(journey: TourRecord) -> None:
     corner = e3.common_corner(load_world(OFFICE), journey)
     disturbed = e3.moved_by(e3.drifting(journey, corner, 4.6), e3.DISTURBANCE)
-    odometry = e3.map_journey("odometry", disturbed, corner)
-    albot1 = e3.map_journey("albot1", disturbed, corner)
+    odometry = e3.map_tour("odometry", disturbed, corner)
+    albot1 = e3.map_tour("albot1", disturbed, corner)
     assert odometry.error > 10
     assert albot1.error < 2
     # Integration of the motions is what the odometry mapper does.
@@ -78,7 +78,7 @@ def test_on_the_way_the_map_is_off_by_less_than_half_a_metre() -> None:
         journey = guided(e3.FLOORS["office"], seed)
         corner = e3.common_corner(load_world(OFFICE), journey)
         disturbed = e3.moved_by(e3.drifting(journey, corner, 4.6), e3.DISTURBANCE)
-        off.append(e3.map_journey("albot1", disturbed, corner).on_the_way)
+        off.append(e3.map_tour("albot1", disturbed, corner).on_the_way)
     assert np.median(off) < 0.5
 
 
@@ -89,7 +89,7 @@ def test_each_idea_betters_the_corridor_loop() -> None:
         corner = e3.common_corner(load_world("corridor-loop"), journey)
         drifting = e3.drifting(journey, corner, 4.6)
         for name, of in errors.items():
-            run = e3.map_journey(name, drifting, corner)
+            run = e3.map_tour(name, drifting, corner)
             assert run.lost <= 3  # Doors are landmarks nearly everywhere.
             of.append(run.error)
     assert np.median(errors["albot1-tracked"]) < 0.5 * np.median(errors["albot1-thesis"])

@@ -10,14 +10,14 @@ from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
-from albot_experiments.tours import Journey
+from albot_experiments.tours import TourRecord
 
 
 def what_happened(mapper: Albot1) -> list[EventKind]:
     return [event.kind for event in mapper.events]
 
 
-def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey):
+def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: TourRecord):
     mapper = Albot1()
     for reading in ring_journey.readings[:109]:
         mapper.update(reading)
@@ -38,7 +38,7 @@ def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey)
     assert np.hypot(*(mapper.estimate.home_from_robot - home)[:2]) < 1.0
 
 
-def test_one_that_is_lost_can_be_saved(ring_journey: Journey):
+def test_one_that_is_lost_can_be_saved(ring_journey: TourRecord):
     mapper, other = Albot1(), Albot1()
     for reading in (*ring_journey.readings[:109], *ring_journey.readings[65:67]):
         mapper.update(reading)
@@ -52,7 +52,7 @@ def test_one_that_is_lost_can_be_saved(ring_journey: Journey):
     assert other.estimate.localised
 
 
-def test_a_blackout_is_borne(ring_journey: Journey):
+def test_a_blackout_is_borne(ring_journey: TourRecord):
     mapper = Albot1()
     for view, reading in enumerate(ring_journey.readings[:80]):
         dark = LaserScan(ranges=np.full(181, np.inf), geometry=reading.laser.geometry)
@@ -64,7 +64,7 @@ def test_a_blackout_is_borne(ring_journey: Journey):
     assert np.hypot(*(mapper.estimate.pose - believed)[:2]) < 0.5
 
 
-def test_one_misread_view_is_not_a_move(ring_journey: Journey):
+def test_one_misread_view_is_not_a_move(ring_journey: TourRecord):
     mapper = Albot1()
     for view, reading in enumerate(ring_journey.readings[:80]):
         laser = ring_journey.readings[5].laser if view == 60 else reading.laser
@@ -72,7 +72,7 @@ def test_one_misread_view_is_not_a_move(ring_journey: Journey):
     assert EventKind.LOST not in what_happened(mapper)
 
 
-def test_nobody_who_is_only_driven_is_lost(ring_journey: Journey):
+def test_nobody_who_is_only_driven_is_lost(ring_journey: TourRecord):
     for mapper in (Albot1(), Albot1.thesis()):
         for reading in ring_journey.readings:
             mapper.update(reading)

@@ -14,12 +14,12 @@ from albot_experiments import albot1_c2 as c2
 from albot_experiments import albot1_c3 as c3
 from albot_experiments.albot1_places import (
     Crossing,
-    PlacedJourney,
+    PlacedTour,
     between,
-    place_journey,
+    place_tour,
     same_in_the_end,
 )
-from albot_experiments.tours import Journey
+from albot_experiments.tours import TourRecord
 from albot_maps import World, load_world
 
 
@@ -29,8 +29,8 @@ def ring() -> World:
 
 
 @pytest.fixture(scope="module")
-def once_round(ring: World, ring_journey: Journey) -> PlacedJourney:
-    return place_journey("albot1", ring, ring_journey)
+def once_round(ring: World, ring_journey: TourRecord) -> PlacedTour:
+    return place_tour("albot1", ring, ring_journey)
 
 
 def happened(what: EventKind, place: int, other: int) -> Event:
@@ -49,13 +49,13 @@ def test_places_merged_one_after_the_other_are_one():
     assert same_in_the_end([*events[:2], happened(EventKind.RELOCALISED, 9, 3)]) == {7: 3, 9: 3}
 
 
-def test_the_ring_is_learned(ring: World, once_round: PlacedJourney):
+def test_the_ring_is_learned(ring: World, once_round: PlacedTour):
     rooms = once_round.rooms(ring)
     assert sorted(rooms.values(), key=sorted) == [frozenset({f"P{k}"}) for k in range(1, 7)]
     assert once_round.is_right(ring)
 
 
-def test_a_wrong_network_is_not_right(ring: World, once_round: PlacedJourney):
+def test_a_wrong_network_is_not_right(ring: World, once_round: PlacedTour):
     everywhere = replace(once_round, places=np.zeros_like(once_round.places))
     assert everywhere.rooms(ring) == {0: frozenset(f"P{k}" for k in range(1, 7))}
     assert not everywhere.is_right(ring)
@@ -67,7 +67,7 @@ def test_a_wrong_network_is_not_right(ring: World, once_round: PlacedJourney):
     assert not once_round.is_right(load_world("office-double"))
 
 
-def test_every_crossing_is_that_of_a_true_exit(once_round: PlacedJourney):
+def test_every_crossing_is_that_of_a_true_exit(once_round: PlacedTour):
     assert [each.exit for each in once_round.crossings] == ["E1", "E2", "E3", "E4", "E5", "E6"]
     for crossing in once_round.crossings:
         doorway = 0.5 * np.hypot(*(crossing.seen[2:] - crossing.seen[:2]))
@@ -76,9 +76,9 @@ def test_every_crossing_is_that_of_a_true_exit(once_round: PlacedJourney):
         assert away < 2.0
 
 
-def test_only_a_mapper_of_places_can_be_judged(ring: World, once_round: PlacedJourney):
+def test_only_a_mapper_of_places_can_be_judged(ring: World, once_round: PlacedTour):
     with pytest.raises(InputError, match="one of Albot1's, found odometry"):
-        place_journey("odometry", ring, once_round.journey)
+        place_tour("odometry", ring, once_round.journey)
 
 
 def test_distance_of_lines_is_that_of_their_middles():
@@ -105,7 +105,7 @@ def test_a_story_leaves_out_what_was_refused():
     assert c2.story(events) == ((EventKind.NEW, "P1", "P2"),)
 
 
-def test_a_second_lap_is_held_against_the_first(once_round: PlacedJourney):
+def test_a_second_lap_is_held_against_the_first(once_round: PlacedTour):
     line = np.array([0.0, -0.5, 0.0, 0.5])
     nowhere = np.full(4, np.nan)
     late = len(once_round.poses) - 1

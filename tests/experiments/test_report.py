@@ -69,7 +69,7 @@ def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "message"),
     [
         ("result.json", "{", r"result\.json, line 1: expected valid JSON"),
         ("result.json", "[]", r"result\.json: expected a mapping"),
@@ -82,11 +82,11 @@ def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_report_is_refused(
-    tmp_path: Path, name: str, content: str | bytes, told: str
+    tmp_path: Path, name: str, content: str | bytes, message: str
 ) -> None:
     REPORT.write(tmp_path)
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_report(tmp_path)
 
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from albot_cli.group import albot
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_experiments import albot1_e4, albot1_e5, revisiting
-from albot_experiments.tours import Journey, driven_tour, thinned_views
+from albot_experiments.tours import TourRecord, driven_tour, thinned_views
 from albot_maps import load_world
 
 
@@ -29,7 +29,7 @@ def test_revisiting_begins_where_the_robot_comes_back():
     world = load_world("office-ring")
     home, away = [11.2, 6.6, 0.0], [1.3, 20.0, 0.0]
     for rooms, last in (([home, home, away, away, home, away], 3), ([home, away, away], 2)):
-        journey = Journey(readings=(), truth=np.array(rooms))
+        journey = TourRecord(readings=(), truth=np.array(rooms))
         assert revisiting.before_revisiting(world, journey) == last
 
 

@@ -12,7 +12,7 @@ from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.simulator import StartStop
 from albot_experiments.tours import (
     Driving,
-    Journey,
+    TourRecord,
     driven_tour,
     guided_tour,
     thinned_views,
@@ -68,12 +68,12 @@ def reading(stamp: float, motion: np.ndarray) -> Reading:
     return Reading(stamp=stamp, motion=motion, laser=LaserScan(ranges=np.ones(2), geometry=LASER))
 
 
-def ridden(motions: list[tuple[float, float, float]]) -> Journey:
+def ridden(motions: list[tuple[float, float, float]]) -> TourRecord:
     poses = [np.zeros(3)]
     for motion in motions:
         poses.append(compose(poses[-1], np.array(motion)))
     steps = [np.zeros(3), *map(np.array, motions)]
-    return Journey(
+    return TourRecord(
         readings=tuple(reading(float(i), step) for i, step in enumerate(steps)),
         truth=np.array(poses),
     )

@@ -61,9 +61,9 @@ class Fuzz:
         try:
             self.reader.read(self.folder)
         except InputError as error:
-            told = str(error)
-            assert told.isprintable(), told
-            assert len(told) < 2000, told[:2000]
+            message = str(error)
+            assert message.isprintable(), message
+            assert len(message) < 2000, message[:2000]
             return error
         return None
 
@@ -84,7 +84,7 @@ class Tally:
 
 def tally(reader: Reader, folder: Path, examples: int, seed: int) -> Tally:
     """Try a reader on so many damaged inputs; those that crash it are left in the folder."""
-    fuzz, told = Fuzz(reader, folder), Tally()
+    fuzz, counts = Fuzz(reader, folder), Tally()
     assert fuzz.attempt({}) is None
 
     @settings(
@@ -106,19 +106,19 @@ def tally(reader: Reader, folder: Path, examples: int, seed: int) -> Tally:
             where = traceback.extract_tb(error.__traceback__)
             ours = [each for each in where if "site-packages" not in each.filename][-1]
             name = f"{type(error).__name__} at {Path(ours.filename).name}:{ours.lineno}"
-            if name not in told.crashes:
-                kept = folder / f"crash-{len(told.crashes)}"
+            if name not in counts.crashes:
+                kept = folder / f"crash-{len(counts.crashes)}"
                 shutil.copytree(fuzz.folder, kept)
                 (kept / "traceback").write_text("".join(traceback.format_exception(error)))
-            told.crashes[name] = told.crashes.get(name, 0) + 1
+            counts.crashes[name] = counts.crashes.get(name, 0) + 1
         else:
-            told.read += not refused
-            told.refused += refused
+            counts.read += not refused
+            counts.refused += refused
         faulthandler.cancel_dump_traceback_later()
-        told.slowest = max(told.slowest, time.process_time() - began)
+        counts.slowest = max(counts.slowest, time.process_time() - began)
 
     damage()
-    return told
+    return counts
 
 
 _HANGS = 120.0
@@ -140,8 +140,8 @@ def main(folder: str, examples: str, seed: str, *names: str) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (1024 * int(found[1]) + MEMORY, most))
         mine = Path(folder) / str(k)
         mine.mkdir(parents=True)
-        told = tally(readers[name], mine, int(examples), int(seed))
-        print(json.dumps(asdict(told)), flush=True)
+        counts = tally(readers[name], mine, int(examples), int(seed))
+        print(json.dumps(asdict(counts)), flush=True)
 
 
 if __name__ == "__main__":

@@ -29,14 +29,14 @@ from albot_env.recording.reader import EpisodeReader
 data = int(re.search(r"VmData:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) * 1024
 resource.setrlimit(resource.RLIMIT_DATA, (data + 500_000_000,) * 2)
 readers = {"log": read_log, "map": load_map, "world": load_world, "episode": EpisodeReader}
-told = {}
+errors = {}
 for path in sorted(Path(sys.argv[1]).iterdir()):
     if (name := path.name.split(".")[0]) in readers:
         try:
             readers[name](path)
         except InputError as error:
-            told[path.name] = f"{error.place}: {error.expected}, {error.found}"
-print(json.dumps(told))
+            errors[path.name] = f"{error.place}: {error.expected}, {error.found}"
+print(json.dumps(errors))
 """
 """Reads all files of a folder within 500 MB, and prints what is said of each."""
 
@@ -86,9 +86,9 @@ def test_what_unpacks_to_too_much_is_refused_within_500_mb(tmp_path: Path) -> No
     assert max(sizes) < 400_000
     ran = subprocess.run([sys.executable, "-c", _READ, tmp_path], capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
-    told = json.loads(ran.stdout)
-    assert told.pop("episode.mcap").endswith("a chunk that unpacks to more than 67,108,864 bytes")
-    assert told == {
+    errors = json.loads(ran.stdout)
+    assert errors.pop("episode.mcap").endswith("a chunk that unpacks to more than 67,108,864 bytes")
+    assert errors == {
         "log.log.gz": ": 134,217,728 bytes at most, more, decompressed",
         "map.albot": ": members of 268,435,456 bytes in total at most, "
         "1 members of 314,572,800 bytes",

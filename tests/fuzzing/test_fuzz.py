@@ -26,13 +26,13 @@ def test_a_careless_reader_is_found_out(tmp_path: Path) -> None:
         write=lambda folder: (folder / "a.json").write_text('{"numbers": [1, 2], "more": {}}'),
         read=_careless,
     )
-    told = tally(reader, tmp_path, 200, seed=1)
-    assert told.read > 5
-    assert told.refused > 5
-    kinds = {name.split()[0] for name in told.crashes}
+    counts = tally(reader, tmp_path, 200, seed=1)
+    assert counts.read > 5
+    assert counts.refused > 5
+    kinds = {name.split()[0] for name in counts.crashes}
     assert kinds >= {"TypeError", "KeyError", "AssertionError"}
-    assert all(" at test_fuzz.py:" in name for name in told.crashes)
-    assert told.read + told.refused + sum(told.crashes.values()) >= 200
+    assert all(" at test_fuzz.py:" in name for name in counts.crashes)
+    assert counts.read + counts.refused + sum(counts.crashes.values()) >= 200
     traceback = (tmp_path / "crash-0" / "traceback").read_text()
     assert "Traceback" in traceback
     assert (tmp_path / "crash-0" / "a.json").exists()

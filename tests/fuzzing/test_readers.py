@@ -73,7 +73,7 @@ def test_damaged_files_are_read_or_refused(fuzz: Fuzz) -> None:
 
 def _reads(node: ast.FunctionDef) -> bool:
     annotations = [ast.unparse(each.annotation) for each in node.args.args if each.annotation]
-    return node.name.startswith(("read_", "load_")) and any("Path" in told for told in annotations)
+    return node.name.startswith(("read_", "load_")) and any("Path" in kind for kind in annotations)
 
 
 def test_every_function_that_reads_a_file_stands_in_the_list() -> None:

@@ -45,17 +45,17 @@ def test_what_is_counted(noticed, lost, error, found, mistaken):
 
 
 def test_who_only_adds_up_motions_never_notices():
-    told = kidnap(load_world(WORLD), 4, "odometry")
-    assert (told.noticed, told.false_alarm, told.lost) == (False, False, False)
-    assert told.error > 1.0
+    outcome = kidnap(load_world(WORLD), 4, "odometry")
+    assert (outcome.noticed, outcome.false_alarm, outcome.lost) == (False, False, False)
+    assert outcome.error > 1.0
 
 
 def test_albot1_notices():
-    told = measure("random:office:SEED?rooms=8", range(7000, 7008), "albot1")
-    assert told["count"] == len(told["runs"]) == 8
-    assert told["false_alarm"] == 0
-    assert told["noticed"] >= 6
-    assert told["found"] + told["mistaken"] <= told["noticed"]
+    outcome = measure("random:office:SEED?rooms=8", range(7000, 7008), "albot1")
+    assert outcome["count"] == len(outcome["runs"]) == 8
+    assert outcome["false_alarm"] == 0
+    assert outcome["noticed"] >= 6
+    assert outcome["found"] + outcome["mistaken"] <= outcome["noticed"]
 
 
 def test_readings_after_the_move_are_as_many_as_asked():

@@ -18,9 +18,9 @@ PAGES = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
 @pytest.mark.parametrize("name", STUDIES)
 def test_each_study_tells_what_it_takes(name: str) -> None:
     words = ["experiment", "study", name, "--help"]
-    told = CliRunner().invoke(albot, words, catch_exceptions=False)
-    assert told.exit_code == 0
-    assert f"albot experiment study {name} [OPTIONS]" in told.output
+    result = CliRunner().invoke(albot, words, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert f"albot experiment study {name} [OPTIONS]" in result.output
 
 
 def test_the_studies_are_the_modules_of_their_package() -> None:
@@ -34,6 +34,6 @@ def test_the_pages_name_the_studies_that_there_are() -> None:
 
 
 def test_an_unknown_study_is_refused_with_the_nearest() -> None:
-    told = CliRunner().invoke(albot, ["experiment", "study", "slam-grow"])
-    assert told.exit_code != 0
-    assert "slam-growth" in told.output
+    result = CliRunner().invoke(albot, ["experiment", "study", "slam-grow"])
+    assert result.exit_code != 0
+    assert "slam-growth" in result.output

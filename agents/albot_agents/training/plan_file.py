@@ -212,10 +212,10 @@ def _try_out(
         words = re.findall(r"\w+", f"{error.source} {error.place}")
         named = [name for name in words if name in settings][:1]
         place = (own_place if set(named) & own.keys() else where).at(*named)
-        told = place.place(place.path)
+        place_text = place.place(place.path)
         if error.place and [error.place] != named:
-            told = f"{told}, {error.place}"
-        raise InputError(place.source, error.expected, error.found, place=told) from None
+            place_text = f"{place_text}, {error.place}"
+        raise InputError(place.source, error.expected, error.found, place=place_text) from None
     batch.close()
     return batch
 

@@ -40,7 +40,7 @@ _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"s
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
 
-Progress = Callable[[int, str], None]
+ProgressReport = Callable[[int, str], None]
 """Called with the number of samples so far, and the state of the training as text."""
 
 
@@ -63,7 +63,7 @@ class TrainingRun:
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._folder, self._plan, self._command = folder, plan, folder.command
-        self._report: Progress = lambda done, note: None
+        self._report: ProgressReport = lambda done, note: None
         found = newest_checkpoint(folder.checkpoints, warn)
         self._resumed = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
         self._exporter = AgentExporter(plan)
@@ -83,7 +83,7 @@ class TrainingRun:
         self._episode_log = EpisodeLog(folder.monitor, plan.task, int(self._resumed["monitor"]))
         self._snapshot = self._take_snapshot()
 
-    def run(self, report: Progress | None = None) -> dict[str, Any]:
+    def run(self, report: ProgressReport | None = None) -> dict[str, Any]:
         """Train to the end or until Ctrl-C; return the outcome, as `albot train --json` prints it.
 
         Args:
@@ -206,7 +206,7 @@ class TrainingRun:
     def _export(self) -> AgentFile:
         """Return the agent of the last snapshot."""
         snapshot = self._snapshot
-        told = TrainingFacts(
+        facts = TrainingFacts(
             plan=self._plan,
             command=self._command,
             samples=snapshot.samples,
@@ -215,7 +215,7 @@ class TrainingRun:
             curve=(self._evaluations or self._episode_log).curve,
             **machine_facts(),
         )
-        return self._exporter.agent(snapshot.weights, told)
+        return self._exporter.agent(snapshot.weights, facts)
 
     @property
     def _episodes(self) -> int:
@@ -250,17 +250,17 @@ class TrainingRun:
     def _progress_note(self) -> str:
         """Return the state of the training as text."""
         stages, rate = len(self._plan.stages), self._curriculum.success_rate
-        told = [f"stage {self._curriculum.stage + 1} of {stages}"] if stages > 1 else []
-        told.append(f"{self._episodes:,} episodes")
+        notes = [f"stage {self._curriculum.stage + 1} of {stages}"] if stages > 1 else []
+        notes.append(f"{self._episodes:,} episodes")
         mean_return = self._curriculum.mean_return
         if mean_return is not None:
-            told.append(f"return {mean_return:.2f}")
+            notes.append(f"return {mean_return:.2f}")
         if rate is not None:
-            told.append(f"{rate:.0%} success")
+            notes.append(f"{rate:.0%} success")
         measured = (self._evaluations.last if self._evaluations else {}).get("success_rate")
         if measured is not None:
-            told.append(f"{measured:.0%} in the evaluation")
-        return ", ".join(told)
+            notes.append(f"{measured:.0%} in the evaluation")
+        return ", ".join(notes)
 
     def _next_seed(self) -> int:
         """Return the environments' seed from the current sample on."""

@@ -148,8 +148,8 @@ class RunFolder:
         """
         if not self.versions.exists():
             return ""
-        told = read_json(self.versions)
-        command: str = read_record({"command": str}, told, Location(self.versions), others=True)[
+        facts = read_json(self.versions)
+        command: str = read_record({"command": str}, facts, Location(self.versions), others=True)[
             "command"
         ]
         return command

@@ -41,7 +41,15 @@ from albot_maps import World
 
 _MAPPER_STREAM = 1
 """Number of the random stream of a robot's mapper."""
-_KEPT_OF_BELIEFS = ("beliefs", "home_places", "ways_home", "places", "homes", "time_left")
+_KEPT_OF_BELIEFS = (
+    "beliefs",
+    "homes_in_map",
+    "ways_home",
+    "is_recognised",
+    "is_lost",
+    "homes_in_robot",
+    "time_left",
+)
 """The arrays of `BatchState` in a robot's state; the others belong to the simulator."""
 
 
@@ -101,10 +109,11 @@ class DrivingTask(Task):
         state = BatchState(
             poses=self._simulator.poses,
             beliefs=np.zeros((robots, 3)) if mappers is None else mappers.poses,
-            home_places=np.zeros((robots, 3)) if mappers is None else mappers.homes,
+            homes_in_map=np.zeros((robots, 3)) if mappers is None else mappers.homes_in_map,
             ways_home=np.full((robots, 7), np.nan) if mappers is None else mappers.ways_home,
-            places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
-            homes=np.zeros((robots, 3)),
+            is_recognised=np.zeros(robots, np.bool_) if mappers is None else mappers.is_recognised,
+            is_lost=np.zeros(robots, np.bool_) if mappers is None else mappers.is_lost,
+            homes_in_robot=np.zeros((robots, 3)),
             motions=self._simulator.motions,
             true_ranges=self._simulator.true_ranges,
             ranges=self._simulator.ranges,

@@ -78,7 +78,7 @@ class EpisodeFollower:
             room=robots.room(row),
             path_length=float(robots.path_lengths[row]),
             belief=robots.beliefs[row].copy(),
-            home=robots.homes[row].copy(),
+            home=robots.homes_in_robot[row].copy(),
             updates=int(robots.updates[row]),
             matched_reading=None if matched < 0 else matched,
             snapshot=robots.snapshot(row) if changed else None,

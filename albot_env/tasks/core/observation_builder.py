@@ -24,7 +24,7 @@ from albot_env.tasks.core.observation_kernels import observe_robots
 from albot_env.tasks.core.parts.part import Need
 from albot_env.tasks.core.rooms import NO_ROOMS, Rooms, joined, outlines_of
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
-from albot_env.tasks.core.state import BatchState, Progress
+from albot_env.tasks.core.state import BatchState, ExplorationProgress
 from albot_env.tasks.core.wayfinding import empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import OccupancyGrids
 from albot_maps import World
@@ -43,7 +43,10 @@ class _WorldFacts(NamedTuple):
 
 
 class ProgressSnapshot(NamedTuple):
-    """Ground covered and rooms entered by a robot: see `CoverageGrid`, `Rooms` and `Progress`."""
+    """Ground covered and rooms entered by a robot.
+
+    See `CoverageGrid`, `Rooms` and `ExplorationProgress`.
+    """
 
     covered: UInt64[np.ndarray, "words"]
     believed: UInt64[np.ndarray, "words"]
@@ -83,7 +86,7 @@ class ObservationBuilder:
             entered=np.zeros((robots, 0), np.bool_),
         )
         self._names = np.array([""], object)
-        self.progress = Progress(
+        self.progress = ExplorationProgress(
             ground=np.zeros(robots, np.int64),
             new_ground=np.zeros(robots, np.int64),
             room=np.full(robots, -1),

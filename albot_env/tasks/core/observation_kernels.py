@@ -57,7 +57,7 @@ from albot_env.tasks.core.parts.sensors import (
     fill_sonar,
 )
 from albot_env.tasks.core.rooms import Rooms, find_room
-from albot_env.tasks.core.state import BatchState, Progress
+from albot_env.tasks.core.state import BatchState, ExplorationProgress
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyParams,
     find_onward,
@@ -80,8 +80,8 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
     """Track the progress of robots `rows`, and fill in their rows of `observations`.
 
     `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, the one believed covered,
-    `Rooms`, `Scales`, `Layout`, `BatchState`, `Progress`, `OccupancyParams`, `SearchParams` and
-    `OccupancyGrids`.
+    `Rooms`, `Scales`, `Layout`, `BatchState`, `ExplorationProgress`, `OccupancyParams`,
+    `SearchParams` and `OccupancyGrids`.
     """
     sensor, _, believed, _, scales, _, state, _, _, search, occupancy = unpack(arguments)
     # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
@@ -107,7 +107,7 @@ def _observe_robots(
             cover(believed, i, belief, turn, sensor, state.ranges[i])
             _cover_truly(i, covered, sensor, state, progress)
         _enter_room(i, rooms, state, progress)
-        locate_home(belief, turn, state.home_places[i], state.homes[i])
+        locate_home(belief, turn, state.homes_in_map[i], state.homes_in_robot[i])
         _fill_sensed(i, layout, sources, observations[i])
         _fill_believed(i, layout, sources, observations[i])
         _fill_ground(i, layout, params, sources, observations[i])
@@ -167,14 +167,18 @@ def _find_ways(i: int, layout: Any, params: OccupancyParams, sources: Sources) -
     motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
     if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
         if layout.shortcut >= 0:
-            find_shortcut(occupancy, i, sources.search, state.home_places[i])
+            find_shortcut(occupancy, i, sources.search, state.homes_in_map[i])
         if layout.onward >= 0:
             find_onward(occupancy, i, sources.search, sources.believed)
 
 
 @kernel()
 def _cover_truly(
-    i: int, covered: CoverageGrid, sensor: CoverageSensor, state: BatchState, progress: Progress
+    i: int,
+    covered: CoverageGrid,
+    sensor: CoverageSensor,
+    state: BatchState,
+    progress: ExplorationProgress,
 ) -> None:
     """Mark the ground that robot i truly sees within the coverage radius.
 
@@ -188,7 +192,7 @@ def _cover_truly(
 
 
 @kernel()
-def _enter_room(i: int, rooms: Rooms, state: BatchState, progress: Progress) -> None:
+def _enter_room(i: int, rooms: Rooms, state: BatchState, progress: ExplorationProgress) -> None:
     """Find the room that robot i is truly in, and mark it as entered."""
     first, last = rooms.worlds[i]
     room = find_room(state.poses[i, 0], state.poses[i, 1], rooms.outlines, first, last)

@@ -22,13 +22,15 @@ class BatchState(NamedTuple):
     """(n, 3) float64: true poses (world frame)."""
     beliefs: np.ndarray
     """(n, 3) float64: believed poses (map frame)."""
-    home_places: np.ndarray
+    homes_in_map: np.ndarray
     """(n, 3) float64: believed poses of home (map frame)."""
     ways_home: np.ndarray
     """(n, 7) float64: believed ways home (see `albot_core.mappers.mapper`)."""
-    places: np.ndarray
-    """(n, 2) bool: whether the robot is in a place that it knows; whether it is lost."""
-    homes: np.ndarray
+    is_recognised: np.ndarray
+    """(n,) bool: whether the robot is in a place that it knows."""
+    is_lost: np.ndarray
+    """(n,) bool: whether the robot is lost."""
+    homes_in_robot: np.ndarray
     """(n, 3) float64: believed poses of home (robot frame); filled in during observation."""
     motions: np.ndarray
     """(n, 3) float64: motions that the odometers measured (m, rad)."""
@@ -42,7 +44,7 @@ class BatchState(NamedTuple):
     """(n,) float64: remaining time (s); infinite in tasks without a time budget."""
 
 
-class Progress(NamedTuple):
+class ExplorationProgress(NamedTuple):
     """Ground truly covered and rooms truly entered by all robots, one row per robot."""
 
     ground: np.ndarray
@@ -109,7 +111,7 @@ def begin_stats(row: int, start: Pose, stats: EpisodeStats) -> None:
 
 @kernel()
 def update_stats(
-    i: int, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
+    i: int, cell_area: float, state: BatchState, progress: ExplorationProgress, stats: EpisodeStats
 ) -> float:
     """Update robot i's statistics after a reading; return the distance driven since the last (m).
 
@@ -133,7 +135,11 @@ def update_stats(
 
 @kernel(nogil=True)
 def update_all_stats(
-    rows: np.ndarray, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
+    rows: np.ndarray,
+    cell_area: float,
+    state: BatchState,
+    progress: ExplorationProgress,
+    stats: EpisodeStats,
 ) -> None:
     """Update the statistics of robots `rows` in tasks without a reward."""
     for i in rows:

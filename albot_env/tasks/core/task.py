@@ -183,9 +183,9 @@ class Task(ABC):
         return self._state.beliefs
 
     @property
-    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+    def homes_in_robot(self) -> Float64[np.ndarray, "robots 3"]:
         """Estimated poses of home, in the robots' own frames."""
-        return self._state.homes
+        return self._state.homes_in_robot
 
     @property
     def steps(self) -> Int64[np.ndarray, "robots"]:

@@ -53,7 +53,7 @@ from albot_env.tasks.core.settings import (
 from albot_env.tasks.core.spec import ConfiguredSpec
 from albot_maps import World
 
-Steps = tuple[
+StepResults = tuple[
     Observation,
     Float64[np.ndarray, "environments"],
     Bool[np.ndarray, "environments"],
@@ -207,7 +207,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             None if mask.all() else mask
         )
 
-    def step(self, actions: Any) -> Steps:
+    def step(self, actions: Any) -> StepResults:
         """Run one step: 0.1 s of driving, or one arrival of a tour.
 
         Raises:

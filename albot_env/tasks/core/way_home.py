@@ -11,7 +11,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
-from albot_core.planning.grid_search import FAR, first_anchor
+from albot_core.planning.any_angle_search import FAR, first_anchor
 from albot_env.tasks.core.row_arrays import Arrays, put_rows
 from albot_maps import World
 from albot_maps.geodesic import DistanceField

@@ -176,7 +176,7 @@ def _show_arrival(
     state.echoes[i] = tours.echoes[i, here]
     belief = state.beliefs[i]
     turn = math.cos(belief[2]), math.sin(belief[2])
-    locate_home(belief, turn, state.home_places[i], state.homes[i])
+    locate_home(belief, turn, state.homes_in_map[i], state.homes_in_robot[i])
     stats.position_errors[i] = tours.errors[i, here]
     stats.path_lengths[i] = tours.path_lengths[i, here]
     answers.rooms[i] = tours.rooms[i, here]

@@ -208,18 +208,18 @@ def _lost_note(
 ) -> str:
     first = int(np.flatnonzero(lost | short)[0]) + 1
     which = f"first scan {first + 1}, stamp {lines.stamps[first]:.6f}"
-    told = []
+    reasons = []
     if lost.any():
-        told.append(
+        reasons.append(
             f"{many(int(lost.sum()), 'motion')} of the odometer {_are(lost)} lost with "
             "the ODOM lines and taken as the mean of the steps before and after"
         )
     if short.any():
-        told.append(
+        reasons.append(
             f"{many(int(short.sum()), 'motion')} of the odometer {_are(short)} continued from an "
             "ODOM line before the scan's"
         )
-    return f"{'; '.join(told)} ({which})"
+    return f"{'; '.join(reasons)} ({which})"
 
 
 def _are(which: Bool[np.ndarray, "steps"]) -> str:

@@ -51,8 +51,9 @@ class LoopedMappers:
         self.recognises_places = isinstance(self._mappers[0], PlaceMemory)
         self._knows_routes = isinstance(self._mappers[0], RouteHome)
         self.poses = np.zeros((count, 3))
-        self.homes = np.zeros((count, 3))
-        self.places = np.zeros((count, 2), np.bool_)
+        self.homes_in_map = np.zeros((count, 3))
+        self.is_recognised = np.zeros(count, np.bool_)
+        self.is_lost = np.zeros(count, np.bool_)
         self.matched_readings = np.full(count, -1)
         self.map_versions = np.zeros(count, np.int64)
         self.updates = np.zeros(count, np.int64)
@@ -138,11 +139,11 @@ class LoopedMappers:
         estimate = self._mappers[row].estimate
         check_estimate(estimate, self.spec, self._readings[row] - 1)
         self.poses[row] = estimate.pose
-        self.homes[row] = estimate.home
+        self.homes_in_map[row] = estimate.home
         self.updates[row] = estimate.updates
         matched = estimate.matched_reading
         self.matched_readings[row] = -1 if matched is None else matched
-        self.places[row, 0] = matched is not None
-        self.places[row, 1] = not estimate.localised
+        self.is_recognised[row] = matched is not None
+        self.is_lost[row] = not estimate.localised
         self.map_versions[row] = estimate.map_version
         self.segment_counts[row] = estimate.segments

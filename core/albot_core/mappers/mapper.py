@@ -223,12 +223,16 @@ class MapperBatch(Protocol):
         """`Estimate.pose` of each; always the same array."""
 
     @property
-    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+    def homes_in_map(self) -> Float64[np.ndarray, "robots 3"]:
         """`Estimate.home` of each; always the same array."""
 
     @property
-    def places(self) -> Bool[np.ndarray, "robots 2"]:
-        """Whether each recognises its place, and whether it is lost; always the same array."""
+    def is_recognised(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each recognises its place; always the same array."""
+
+    @property
+    def is_lost(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each is lost; always the same array."""
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:

@@ -32,8 +32,9 @@ _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 _ARRAYS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "poses": (np.float64, (3,)),
-    "homes": (np.float64, (3,)),
-    "places": (np.bool_, (2,)),
+    "homes_in_map": (np.float64, (3,)),
+    "is_recognised": (np.bool_, ()),
+    "is_lost": (np.bool_, ()),
     "matched_readings": (np.int64, ()),
     "ways_home": (np.float64, (7,)),
 }

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int8
+from jaxtyping import Bool, Int8
 
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
@@ -71,13 +71,6 @@ class ViewConfig:
         check_fields(self, NOT_NEGATIVE, "min_incidence", "bend_significance")
         check_fields(self, FROM_TWO, "surface_points")
 
-    @property
-    def thresholds(self) -> Float64[np.ndarray, "7"]:
-        """The four lengths, the count, the angle and the F statistic for `extract_surfaces`."""
-        lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
-        others = float(self.surface_points), self.min_incidence, self.bend_significance
-        return np.array((*lengths, *others))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
@@ -106,12 +99,17 @@ class ViewSettings(NamedTuple):
     """Position of the laser in the robot's frame (m)."""
     max_range: float
     """Points at or beyond this distance are dropped (m)."""
-    thresholds: np.ndarray
-    """(7,) float64: see `ViewConfig.thresholds`."""
+    cluster_gap: float
+    """See `ViewConfig`, also for those that follow."""
+    cluster_size: float
+    break_height: float
+    surface_length: float
+    surface_points: int
+    min_incidence: float
+    bend_significance: float
     fit_lines: bool
     grazing_ends: bool
     cut_ends: bool
-    """See `ViewConfig`."""
 
 
 def view_settings(laser: LaserGeometry, config: ViewConfig) -> ViewSettings:
@@ -121,7 +119,13 @@ def view_settings(laser: LaserGeometry, config: ViewConfig) -> ViewSettings:
         beam_model=BeamModel(laser.spacing, laser.beam_width, config.beam_model),
         mount=(float(laser.mount[0]), float(laser.mount[1])),
         max_range=float(min(laser.max_range, config.max_range)),
-        thresholds=config.thresholds,
+        cluster_gap=float(config.cluster_gap),
+        cluster_size=float(config.cluster_size),
+        break_height=float(config.break_height),
+        surface_length=float(config.surface_length),
+        surface_points=int(config.surface_points),
+        min_incidence=float(config.min_incidence),
+        bend_significance=float(config.bend_significance),
         fit_lines=config.fit_lines,
         grazing_ends=config.grazing_ends,
         cut_ends=config.cut_ends,
@@ -149,12 +153,13 @@ def extract_surfaces(
 
     `surfaces` and `edges` are written in the robot's frame (m), in the order of the beams.
     """
-    gap, size, height, shortest, fewest, incidence, bend = settings.thresholds
+    height, shortest = settings.break_height, settings.surface_length
     eye, max_range, directions = settings.mount, settings.max_range, settings.directions
     points, beams, gaps, stack, spans, weights, lines, raw, kept = buffers
     model, fit = settings.beam_model, settings.fit_lines
     seen = scan_points(ranges, directions, *eye, max_range, model, points, beams)
-    set_gaps(ranges, directions, beams[:seen], gap, incidence, gaps)
+    set_gaps(ranges, directions, beams[:seen], settings.cluster_gap, settings.min_incidence, gaps)
+    size, bend = settings.cluster_size, settings.bend_significance
     formed = segment_points(points, seen, gaps, size, height, bend, stack, spans)
     form_surfaces(points, spans, formed, fit, height, eye, model, weights, lines, raw)
     count = ZERO
@@ -162,7 +167,7 @@ def extract_surfaces(
         if count == surfaces.shape[0]:
             break
         dx, dy = raw[k, 2] - raw[k, 0], raw[k, 3] - raw[k, 1]
-        if spans[k, 1] - spans[k, 0] + 1 < fewest:
+        if spans[k, 1] - spans[k, 0] + 1 < settings.surface_points:
             continue
         if dx * dx + dy * dy >= shortest * shortest:
             for i in range(4):

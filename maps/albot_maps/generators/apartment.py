@@ -10,7 +10,7 @@ from albot_core.counts import many
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, HOME, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres
-from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
+from albot_maps.generators.plan import WALL, Box, Corner, LocalFrame, Plan, Sampler
 
 _ROOMS = 5
 """Number of rooms by default."""
@@ -85,7 +85,7 @@ def draw_apartment(
         keep = [Box(near.x1 - x, near.y1 - y, near.x2 - x, near.y2 - y) for near in kept]
         wanted = round(parameters.clutter * box.width * box.depth / _FLOOR_PER_PIECE)
         furniture = furnish(sampler, (box.width, box.depth), keep, wanted, HOME)
-        furniture.put(plan, Frame(box=box))
+        furniture.put(plan, LocalFrame(box=box))
     return plan, start
 
 

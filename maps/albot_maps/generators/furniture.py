@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
 
-from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
+from albot_maps.generators.plan import Box, Corner, LocalFrame, Plan, Sampler, Side
 
 GAP = 75
 """Narrowest passage (cm) between two objects; the Pioneer is 50 cm wide."""
@@ -79,7 +79,7 @@ class Furniture:
     blocks: list[Box] = field(default_factory=list)
     outlines: list[list[Corner]] = field(default_factory=list)
 
-    def put(self, plan: Plan, frame: Frame) -> None:
+    def put(self, plan: Plan, frame: LocalFrame) -> None:
         """Draw it on a plan."""
         for block in self.blocks:
             plan.add_block(frame.placed(block))
@@ -165,7 +165,7 @@ def _place_at_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | Non
 
 def _blocks(piece: Piece, bounds: Box, side: Side) -> list[Box]:
     """Return the boxes of a piece and its chair, within its bounds."""
-    frame = Frame(box=bounds, side=side)
+    frame = LocalFrame(box=bounds, side=side)
     blocks = [frame.placed(Box(0, 0, piece.width, piece.depth))]
     if piece.chair:
         left, front = (piece.width - piece.chair) // 2, piece.depth

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from albot_maps.generators.furniture import GAP, HALL, Furniture, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres, switch
-from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
+from albot_maps.generators.plan import WALL, Box, Corner, LocalFrame, Plan, Sampler
 
 _PORCH_WIDTH, _PORCH_DEPTH = 200, 150
 _FLOOR_PER_PIECE = 50_000
@@ -64,9 +64,9 @@ def draw_hall(parameters: HallParameters, sampler: Sampler, source: str) -> tupl
         keep.append(Box(width - GAP // 2 - 1, 0, width + 1, hall.y2))
     wanted = round(parameters.clutter * width * hall.depth / _FLOOR_PER_PIECE)
     furniture = furnish(sampler, (width, hall.depth), keep, wanted, HALL)
-    furniture.put(plan, Frame(box=hall))
+    furniture.put(plan, LocalFrame(box=hall))
     if parameters.symmetry:
-        _mirrored(furniture, hall.width).put(plan, Frame(box=hall))
+        _mirrored(furniture, hall.width).put(plan, LocalFrame(box=hall))
     return plan, start.middle
 
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, OFFICE, Furniture, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres, switch
-from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler, Side
+from albot_maps.generators.plan import WALL, Box, Corner, LocalFrame, Plan, Sampler, Side
 
 _ROOMS = 20
 """Number of rooms by default."""
@@ -273,9 +273,9 @@ class Row:
     """The corridor's name."""
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> LocalFrame:
         """The row's own frame."""
-        return Frame(box=self.box, side=self.side)
+        return LocalFrame(box=self.box, side=self.side)
 
 
 class RoomRows:
@@ -339,13 +339,13 @@ class RoomRows:
                 along_x = row.side in (Side.EAST, Side.WEST)
                 self._plan.add_door(opening, (last, name), along_x=along_x)
             onward = index + 1 < number and self._sampler.bernoulli(self._connections)
-            offset = self._furnish(Frame(box=box, side=row.side), joined, onward)
+            offset = self._furnish(LocalFrame(box=box, side=row.side), joined, onward)
             opening = frame.placed(Box(u + offset, -WALL, u + offset + self._door, 0))
             along_x = row.side in (Side.NORTH, Side.SOUTH)
             self._plan.add_door(opening, (name, row.corridor), along_x=along_x)
             u, joined, last = u + front + WALL, onward, name
 
-    def _furnish(self, frame: Frame, joined: bool, onward: bool) -> int:
+    def _furnish(self, frame: LocalFrame, joined: bool, onward: bool) -> int:
         """Furnish a room; return where along its front the door begins (cm)."""
         key = (frame.width, frame.depth)
         if not (self._alike and key in self._layouts):

@@ -1,7 +1,7 @@
 """The tools of all generators: a floor plan in whole centimetres, and random draws.
 
 Integers give the same building on every machine. A plan is solid at first. Rooms are carved out of
-it (`Box`), each with a frame of its own (`Frame`); then furniture is added.
+it (`Box`), each with a frame of its own (`LocalFrame`); then furniture is added.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class Side(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class LocalFrame:
     """A room's own frame: u along its front, v away from the front, origin at a front corner."""
 
     box: Box

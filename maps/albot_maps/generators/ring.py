@@ -9,7 +9,7 @@ from typing import ClassVar
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, PASSAGE, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres, number
-from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
+from albot_maps.generators.plan import Box, Corner, LocalFrame, Plan, Sampler, Side
 
 _LEAST_BLOCK = 100
 """Shortest side of the block that a loop surrounds (cm)."""
@@ -62,7 +62,7 @@ def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tupl
     for index, x in enumerate(rungs):
         box = Box(x, 0, x + corridor, depth + corridor)
         names.append(plan.add_room(f"cross {index + 1}", box))
-        between = Frame(box=Box(x, corridor, x + corridor, depth), side=Side.EAST)
+        between = LocalFrame(box=Box(x, corridor, x + corridor, depth), side=Side.EAST)
         _furnish(plan, between, parameters.clutter, sampler)
     for index, (left, right) in enumerate(pairwise(rungs)):
         for low, side in ((0, "south"), (depth, "north")):
@@ -70,7 +70,7 @@ def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tupl
             name = plan.add_room(f"{side} {index + 1}", box)
             for x, rung in ((box.x1, names[index]), (box.x2, names[index + 1])):
                 plan.add_opening(Box(x, box.y1, x, box.y2), (name, rung))
-            _furnish(plan, Frame(box=box), parameters.clutter, sampler)
+            _furnish(plan, LocalFrame(box=box), parameters.clutter, sampler)
     return plan, (corridor // 2, corridor // 2)
 
 
@@ -83,7 +83,7 @@ def _half_lengths(parameters: RingParameters) -> list[int]:
     return halves
 
 
-def _furnish(plan: Plan, passage: Frame, clutter: float, sampler: Sampler) -> None:
+def _furnish(plan: Plan, passage: LocalFrame, clutter: float, sampler: Sampler) -> None:
     """Put cupboards along a stretch of corridor, but not near its open ends."""
     size = (passage.width, passage.depth)
     ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from albot_maps.generators.furniture import GAP, PALLETS, furnish
 from albot_maps.generators.parameters import Parameters, count, fraction, metres
-from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
+from albot_maps.generators.plan import Box, Corner, LocalFrame, Plan, Sampler, Side
 
 _BAY, _POST = 270, 10
 """Width of a rack's bay, and of the post on each of its sides (cm)."""
@@ -68,15 +68,20 @@ def draw_warehouse(
                 plan.add_opening(Box(passage.x1, y, passage.x2, y), (name, other))
             for side, x in ((Side.WEST, left - rack), (Side.EAST, passage.x2)):
                 _carve_empty(
-                    plan, Frame(box=Box(x, low, x + rack, high), side=side), parameters, sampler
+                    plan,
+                    LocalFrame(box=Box(x, low, x + rack, high), side=side),
+                    parameters,
+                    sampler,
                 )
-            _leave_pallets(plan, Frame(box=passage, side=Side.EAST), parameters.clutter, sampler)
+            _leave_pallets(
+                plan, LocalFrame(box=passage, side=Side.EAST), parameters.clutter, sampler
+            )
         below = above
     return plan, (width // 2, cross // 2)
 
 
 def _carve_empty(
-    plan: Plan, rack: Frame, parameters: WarehouseParameters, sampler: Sampler
+    plan: Plan, rack: LocalFrame, parameters: WarehouseParameters, sampler: Sampler
 ) -> None:
     """Open a rack's empty bays toward its aisle."""
     for bay in range(parameters.bays):
@@ -85,7 +90,7 @@ def _carve_empty(
             plan.carve(rack.placed(Box(left, 0, right, rack.depth - _POST)))
 
 
-def _leave_pallets(plan: Plan, aisle: Frame, clutter: float, sampler: Sampler) -> None:
+def _leave_pallets(plan: Plan, aisle: LocalFrame, clutter: float, sampler: Sampler) -> None:
     """Put pallets along the racks, but not near the ends of the aisle."""
     size = (aisle.width, aisle.depth)
     ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]

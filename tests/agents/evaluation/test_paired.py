@@ -150,7 +150,7 @@ def test_agents_may_differ_in_what_they_carry_and_see(settings: dict[str, Any]) 
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         ({"max_episode_steps": 9}, "max_episode_steps"),
         ({"movables": False}, "movables"),
@@ -168,9 +168,9 @@ def test_agents_may_differ_in_what_they_carry_and_see(settings: dict[str, Any]) 
     ],
 )
 def test_agents_that_would_meet_other_episodes_are_refused(
-    settings: dict[str, Any], told: str
+    settings: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(InputError, match=f"agent y: expected the episodes of x, .*{told}"):
+    with pytest.raises(InputError, match=f"agent y: expected the episodes of x, .*{message}"):
         check_same_episodes(_trials(**settings))
 
 
@@ -183,11 +183,11 @@ def test_a_run_tells_where_its_episode_began() -> None:
 
 
 def test_lengths_of_a_journey_are_told_whole_and_others_not_at_all() -> None:
-    def told(**outing: float) -> str:
+    def shown(**outing: float) -> str:
         config = HomingConfig(outing=OutwardJourneyConfig(**outing))
         settings = {"mapper": "none", "config": config}
         return watch_command(Trial(task=HOMING, agent="x", world="w", seed=1, settings=settings))
 
-    assert "--outward 0.00001..30.12345678 " in told(shortest=0.00001, longest=30.12345678)
-    assert "--outward" not in told()
-    assert told(away=1.0) == ""
+    assert "--outward 0.00001..30.12345678 " in shown(shortest=0.00001, longest=30.12345678)
+    assert "--outward" not in shown()
+    assert shown(away=1.0) == ""

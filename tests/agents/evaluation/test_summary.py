@@ -104,8 +104,8 @@ def test_a_share_of_nothing_is_no_figure(
     recall: float | None,
 ) -> None:
     figures = summarise([_outcome("square-loop", 1, 0.9, **dict(zip(names, counts, strict=True)))])
-    told = figures["precision"], figures["recall"], figures["revisits"]
-    assert told == (precision, recall, counts[2])
+    rates = figures["precision"], figures["recall"], figures["revisits"]
+    assert rates == (precision, recall, counts[2])
     assert {name: figures["worlds"][0][name] for name in ("precision", "recall")} == {
         "precision": precision, "recall": recall,
     }  # fmt: skip

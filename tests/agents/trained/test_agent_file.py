@@ -321,8 +321,8 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
     card, picture = write_card(agent, "homer", tmp_path / "homer.md", [evaluation])
     text = card.read_text()
     assert text.startswith("# homer\n")
-    for told in ("1,000 in 7 episodes", "`albot train Albot/Homing-v0`", "numpy 2", "(homer.png)"):
-        assert told in text
+    for words in ("1,000 in 7 episodes", "`albot train Albot/Homing-v0`", "numpy 2", "(homer.png)"):
+        assert words in text
     row = "| Albot/Homing-v0 | `random:office` | 1000..1099 | poor | odometry | 100 | 0.960 (0.900"
     assert row in text
     assert "to 0.990) | 0.995 | 0.900 |" in text
@@ -346,10 +346,12 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
             read_evaluation(tmp_path / "e.json", agent)
 
 
-@pytest.mark.parametrize("told", [{"fingerprint": None}, {"fingerprint": "0" * 64}, {}])
+@pytest.mark.parametrize("evaluation", [{"fingerprint": None}, {"fingerprint": "0" * 64}, {}])
 def test_the_figures_of_another_agent_are_none_for_a_card(
-    path: Path, tmp_path: Path, told: dict[str, str | None]
+    path: Path, tmp_path: Path, evaluation: dict[str, str | None]
 ) -> None:
-    (tmp_path / "e.json").write_text(json.dumps({"success_rate": 1.0, "agent": "random"} | told))
+    (tmp_path / "e.json").write_text(
+        json.dumps({"success_rate": 1.0, "agent": "random"} | evaluation)
+    )
     with pytest.raises(InputError, match=r"e\.json, fingerprint: .*found those of random"):
         read_evaluation(tmp_path / "e.json", read_agent(path))

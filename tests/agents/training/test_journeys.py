@@ -37,11 +37,11 @@ def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.M
     wanted, _ = lazy.reset(seed=3)
     monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache())
     monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
-    told: list[str] = []
+    lines: list[str] = []
     batch: Any = gymnasium.make_vec(TASK, num_envs=6, **given)
-    prepare_journeys(TASK, batch, given, told.append)
-    assert told[0] == "0 of 4 journeys made"  # Two from each of two starts.
-    assert told[-1] == "4 of 4 journeys made"
+    prepare_journeys(TASK, batch, given, lines.append)
+    assert lines[0] == "0 of 4 journeys made"  # Two from each of two starts.
+    assert lines[-1] == "4 of 4 journeys made"
     assert batch.missing_journeys() == []
     monkeypatch.setattr(type(batch.journeys), "travel", lambda *_: pytest.fail("made again"))
     seen, _ = batch.reset(seed=3)
@@ -97,7 +97,7 @@ def test_what_turns_out_too_heavy_is_not_laid_in(
     given = settings(two_rooms, threads=2)
     batch: Any = gymnasium.make_vec(TASK, num_envs=2, **given)
     assert len(batch.missing_journeys()) == 4
-    told: list[str] = []
-    prepare_journeys(TASK, batch, given, told.append)
-    assert told[-1] == "1 of 4 journeys made; the others are made when needed"
+    lines: list[str] = []
+    prepare_journeys(TASK, batch, given, lines.append)
+    assert lines[-1] == "1 of 4 journeys made; the others are made when needed"
     assert batch.missing_journeys() == []

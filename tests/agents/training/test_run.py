@@ -112,14 +112,14 @@ def test_a_torn_checkpoint_gives_way_to_the_one_before(trained: Trained, tmp_pat
     folder = _again(trained[0], tmp_path)
     older, newest = checkpoints(folder.checkpoints)
     newest.write_bytes(newest.read_bytes()[:-40])
-    told: list[str] = []
-    run = TrainingRun(folder, folder.resume(None), told.append)
+    notes: list[str] = []
+    run = TrainingRun(folder, folder.resume(None), notes.append)
     assert run.learner.num_timesteps == 32
-    assert len(told) == 1
-    assert str(newest) in told[0]
+    assert len(notes) == 1
+    assert str(newest) in notes[0]
     older.write_bytes(b"")
     with pytest.raises(InputError, match="an intact checkpoint"):
-        TrainingRun(folder, folder.resume(None), told.append)
+        TrainingRun(folder, folder.resume(None), notes.append)
 
 
 def test_fewer_samples_than_are_done_are_refused(trained: Trained, tmp_path: Path) -> None:
@@ -293,12 +293,12 @@ def test_a_run_whose_checkpoints_are_gone_does_not_begin_anew(
 
 
 def test_where_no_checkpoint_is_intact_none_is_promised(trained: Trained, tmp_path: Path) -> None:
-    folder, told = _again(trained[0], tmp_path), list[str]()
+    folder, notes = _again(trained[0], tmp_path), list[str]()
     newest, older = reversed(checkpoints(folder.checkpoints))
     newest.write_bytes(b"bad")
-    assert newest_checkpoint(folder.checkpoints, told.append)
-    assert [text.partition("; ")[2] for text in told] == ["continuing from the one before"]
+    assert newest_checkpoint(folder.checkpoints, notes.append)
+    assert [text.partition("; ")[2] for text in notes] == ["continuing from the one before"]
     older.write_bytes(b"bad")
     with pytest.raises(InputError):
-        newest_checkpoint(folder.checkpoints, told.append)
-    assert len(told) == 1
+        newest_checkpoint(folder.checkpoints, notes.append)
+    assert len(notes) == 1

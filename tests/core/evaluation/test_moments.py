@@ -92,12 +92,12 @@ def test_errors_are_those_of_the_lines_where_stamps_are_shared():
     mine = Trajectory(stamps=COARSE, poses=line())
     bent = line()
     bent[:, 1] = 0.3 * np.sin(bent[:, 0])
-    told = trajectory_error(mine, Trajectory(stamps=COARSE, poses=bent))
+    found = trajectory_error(mine, Trajectory(stamps=COARSE, poses=bent))
     expected = trajectory_error(
         Trajectory(stamps=GOOD, poses=line()), Trajectory(stamps=GOOD, poses=bent)
     )
-    assert told is not None
-    assert told == expected
+    assert found is not None
+    assert found == expected
     assert trajectory_error(mine, Trajectory(stamps=GOOD[1:], poses=bent[1:])) is None
 
 

@@ -21,14 +21,14 @@ def layer(occupancy: np.ndarray) -> OccupancyGridLayer:
 def test_cells_stand_where_ros_looks_for_them(tmp_path):
     grid = np.array(((0.9, 0.1, np.nan), (0.6, 0.4, 0.97)))
     write_map_server(layer(grid), tmp_path / "a.yaml")
-    told = yaml.safe_load((tmp_path / "a.yaml").read_text())
-    assert told["image"] == "a.pgm"
-    assert told["resolution"] == 0.05
-    assert told["origin"] == [-1.0, 2.0, 0.5]
-    gray = np.asarray(Image.open(tmp_path / told["image"]), float)
+    found = yaml.safe_load((tmp_path / "a.yaml").read_text())
+    assert found["image"] == "a.pgm"
+    assert found["resolution"] == 0.05
+    assert found["origin"] == [-1.0, 2.0, 0.5]
+    gray = np.asarray(Image.open(tmp_path / found["image"]), float)
     shares = (255 - gray) / 255
     # The picture's last row is the grid's first.
-    occupied, free = shares > told["occupied_thresh"], shares < told["free_thresh"]
+    occupied, free = shares > found["occupied_thresh"], shares < found["free_thresh"]
     assert occupied.tolist() == [[False, False, True], [True, False, False]]
     assert free.tolist() == [[False, True, False], [False, True, False]]
 

@@ -1,10 +1,10 @@
-"""Arrays of compiled code that nobody counts the holders of."""
+"""Arrays of compiled code that nobody counts the holders of; how long its calls may be."""
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from albot_core.kernels.compiled import (
     load_element,
     scratch,
 )
+from tests.conftest import ROOT
 from tests.core import interrupted
 
 _grid, _few = scratch(2, 3), scratch(4, kind=types.int8)
@@ -98,6 +99,19 @@ def test_a_kernel_that_makes_arrays_must_say_so() -> None:
 
 def test_a_signal_is_raised_where_the_call_returned() -> None:
     words = [sys.executable, "-m", interrupted.__name__]
-    root = Path(__file__).parents[3]
-    told = subprocess.run(words, cwd=root, check=True, capture_output=True, text=True)
-    assert told.stdout == f"{interrupted.ROUNDS}\n"
+    done = subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True)
+    assert done.stdout == f"{interrupted.ROUNDS}\n"
+
+
+def test_no_kernel_takes_more_than_twelve_arguments() -> None:
+    """What always goes together is one NamedTuple."""
+    kernels = {}
+    for name in ("core", "maps", "albot_env", "agents"):
+        for path in (ROOT / name).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.FunctionDef):
+                    decorators = map(ast.unparse, node.decorator_list)
+                    if any(text.startswith("kernel(") for text in decorators):
+                        kernels[f"{path.relative_to(ROOT)}, {node.name}"] = len(node.args.args)
+    assert len(kernels) > 300
+    assert not {name: count for name, count in kernels.items() if count > 12}

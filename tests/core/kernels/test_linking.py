@@ -270,14 +270,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def test_a_line_says_once_that_compiling_takes_long(
     clock: list[float], caplog: pytest.LogCaptureFixture
 ) -> None:
-    given, told = Notice(), []
+    given, notices = Notice(), []
     for _ in range(6):
         with given.compiling():
             clock[0] += 0.4
             given.give_if_due()
-        told.append(len(caplog.records))
+        notices.append(len(caplog.records))
         clock[0] += 10.0  # What is not spent compiling does not count.
-    assert told == [0, 0, 1, 1, 1, 1]
+    assert notices == [0, 0, 1, 1, 1, 1]
     record = caplog.records[0]
     assert (record.name, record.levelno) == ("albot_core.kernels", logging.WARNING)
     assert "compiling" in record.getMessage()

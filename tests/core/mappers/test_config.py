@@ -27,7 +27,7 @@ def test_a_mapping_says_what_differs_from_the_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("config", "told"),
+    ("config", "message"),
     [
         ({"margn": 0.5}, r"mapper albot1, config, margn: .*did you mean margin"),
         ({"margin": "wide"}, r"config, margin: expected a number, found wide"),
@@ -36,8 +36,8 @@ def test_a_mapping_says_what_differs_from_the_default() -> None:
         ([], r"expected a mapping or Albot1Config"),
     ],
 )
-def test_a_config_that_is_none_says_where(config: object, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_a_config_that_is_none_says_where(config: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         make_mapper("albot1", config=config)
 
 

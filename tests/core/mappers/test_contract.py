@@ -297,11 +297,12 @@ def test_what_a_batch_does_single_ones_do(name):
     for row, single in enumerate(singles):
         estimate = single.estimate
         np.testing.assert_array_equal(batch.poses[row], estimate.pose)
-        np.testing.assert_array_equal(batch.homes[row], estimate.home)
+        np.testing.assert_array_equal(batch.homes_in_map[row], estimate.home)
         matched = -1 if estimate.matched_reading is None else estimate.matched_reading
         batch.match_readings(np.array([row]))
         assert batch.matched_readings[row] == matched
-        assert batch.places[row].tolist() == [matched >= 0, not estimate.localised]
+        assert batch.is_recognised[row] == (matched >= 0)
+        assert batch.is_lost[row] == (not estimate.localised)
         assert batch.map_versions[row] == estimate.map_version
         assert batch.updates[row] == estimate.updates >= added[row]
         assert batch.segment_counts[row] == estimate.segments == len(single.snapshot().segments)
@@ -310,7 +311,8 @@ def test_what_a_batch_does_single_ones_do(name):
         twin.restore(0, batch.state(row))
         for mine, theirs in (
             (twin.poses[0], batch.poses[row]),
-            (twin.places[0], batch.places[row]),
+            (twin.is_recognised[0], batch.is_recognised[row]),
+            (twin.is_lost[0], batch.is_lost[row]),
         ):
             np.testing.assert_array_equal(mine, theirs)
 

@@ -13,7 +13,7 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 def test_the_guides_code_is_the_mapper_that_the_tests_use() -> None:
     guide = (ROOT / "docs" / "mappers.md").read_text(encoding="utf-8")
     code = (Path(__file__).parent / "topological.py").read_text(encoding="utf-8")
-    told = "\n".join(BLOCK.findall(guide))
-    assert [line for line in told.splitlines() if line] == [
+    shown = "\n".join(BLOCK.findall(guide))
+    assert [line for line in shown.splitlines() if line] == [
         line for line in code.splitlines() if line
     ]

@@ -48,8 +48,8 @@ def test_the_file_is_plain_numpy_and_json(tmp_path):
         header = json.loads(archive.read("header.json"))
         # No clock in the file.
         assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    told = {"format": "albot-map", "version": 9, "mapper": "odometry", "config": "{}\n"}
-    assert header == told
+    expected = {"format": "albot-map", "version": 9, "mapper": "odometry", "config": "{}\n"}
+    assert header == expected
     with np.load(path, allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["surfaces"], mapper.snapshot().segments)
 

@@ -201,23 +201,27 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> type[OutsideBatch]:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "message"),
     [
         ("poses", np.zeros((COUNT, 2)), r"float64 of shape \(3, 3\), found one of float64 of"),
         ("poses", np.zeros((COUNT, 3), np.float32), "found one of float32"),
         ("poses", np.zeros((3, COUNT)).T, "found one that is not contiguous"),
-        ("homes", np.zeros((COUNT + 1, 3)), r"found one of float64 of shape \(4, 3\)"),
-        ("places", np.zeros((COUNT, 2), np.int8), "array of bool of .* found one of int8"),
+        ("homes_in_map", np.zeros((COUNT + 1, 3)), r"found one of float64 of shape \(4, 3\)"),
+        ("is_lost", np.zeros(COUNT, np.int8), "array of bool of .* found one of int8"),
         ("matched_readings", np.full(COUNT, -1.0), "array of int64 of .* found one of float64"),
         ("ways_home", [[0.0] * 7] * COUNT, "found a list"),
         ("ways_home", None, "found a NoneType, None"),
     ],
 )
 def test_arrays_have_their_type_and_shape(
-    outside: type[OutsideBatch], monkeypatch: pytest.MonkeyPatch, name: str, value: Any, told: str
+    outside: type[OutsideBatch],
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    value: Any,
+    message: str,
 ) -> None:
     monkeypatch.setattr(outside, "begin", lambda self: setattr(self, name, value))
-    with pytest.raises(InputError, match=f"^mapper odd, batch, {name}: expected .*{told}"):
+    with pytest.raises(InputError, match=f"^mapper odd, batch, {name}: expected .*{message}"):
         make_mappers("odd", COUNT)
 
 

@@ -200,10 +200,8 @@ def test_an_estimate_may_hold_numbers_of_numpys(batch, monkeypatch, name, value)
     follow(batch, BAD)
     monkeypatch.setattr(Wrong, "wrong", (name, value))
     follow(batch, 1)
-    assert batch.places[0].tolist() == [
-        name == "matched_reading",
-        name == "localised" and not value,
-    ]
+    assert batch.is_recognised[0] == (name == "matched_reading")
+    assert batch.is_lost[0] == (name == "localised" and not value)
 
 
 NOWHERE = PlaceNode(id=0, label="P1", pose=np.full(3, NAN), middle=np.zeros(2))

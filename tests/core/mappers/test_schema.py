@@ -96,7 +96,7 @@ def test_what_is_restored_is_the_same(visits, links):
 
 
 @pytest.mark.parametrize(
-    ("name", "damage", "told"),
+    ("name", "damage", "message"),
     [
         ("counts", lambda a: a * 0 - 1, "poses|counts"),
         (
@@ -123,12 +123,12 @@ def test_what_is_restored_is_the_same(visits, links):
         ("rng", lambda a: a | np.uint64(2**40), "rng: expected whole numbers"),
     ],
 )
-def test_damage_is_refused(name, damage, told):
+def test_damage_is_refused(name, damage, message):
     part = Part(3, 2)
     state = part.state()
     checked(part, state)
     state[name] = damage(state[name])
-    with np.errstate(invalid="ignore"), pytest.raises(InputError, match=told):
+    with np.errstate(invalid="ignore"), pytest.raises(InputError, match=message):
         checked(part, state)
 
 

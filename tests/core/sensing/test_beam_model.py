@@ -25,8 +25,8 @@ def test_the_variance_is_that_of_drawn_points(bearing: float, degrees: float) ->
     uneven = WALL_NOISE * rng.standard_normal(200_000)
     variance = np.var(ranges * np.sin(bearings) + uneven) / RANGE_NOISE**2
     model = BeamModel(np.radians(1.0), width, True)
-    told = variance_across(distance**2, aside, model) / distance**2
-    assert told == pytest.approx(variance, rel=0.03)
+    found = variance_across(distance**2, aside, model) / distance**2
+    assert found == pytest.approx(variance, rel=0.03)
 
 
 @pytest.mark.parametrize(

@@ -164,10 +164,10 @@ def test_places_that_share_an_exit_lie_on_its_two_sides(mapped: Frame) -> None:
     assert shapes["link"].data[0] == pytest.approx((4.2, 5.0, 5.8, 5.0))
 
 
-@pytest.mark.parametrize(("count", "told"), [(1, "1 place"), (2, "2 places")])
-def test_the_status_line_counts_places(count: int, told: str) -> None:
+@pytest.mark.parametrize(("count", "message"), [(1, "1 place"), (2, "2 places")])
+def test_the_status_line_counts_places(count: int, message: str) -> None:
     node = PlaceNode(id=0, label="P1", pose=np.zeros(3), middle=np.zeros(2))
-    assert layer_summary(PlaceGraph(nodes=(node,) * count)) == told
+    assert layer_summary(PlaceGraph(nodes=(node,) * count)) == message
 
 
 @pytest.mark.parametrize(("spacing", "kind"), [(0.5, "dots"), (1.5, "marks")])

@@ -12,6 +12,7 @@ from albot_core.kernels.arguments import KernelArguments
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk import ChipmunkBuffers, RobotArrays, SpaceTables, advance
 from albot_env.sim.obstacles import DynamicObstacles
+from albot_env.sim.odometer import ODOMETER_COUNT
 from albot_env.sim.physics import PHYSICS_STEP, PhysicsSpace, solver_steps
 from albot_maps import Box, Door, Movables, Walker, World
 
@@ -56,7 +57,7 @@ class Scene:
         self.robots = RobotArrays(
             targets=np.zeros((1, 2)),
             wheels=np.zeros((1, 2)),
-            counts=np.zeros((1, 5)),
+            counts=np.zeros(1, ODOMETER_COUNT),
             states=np.zeros((1, 6)),
             poses=np.zeros((1, 3)),
             touched=np.zeros((1, 2), np.bool_),

@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.robot import Wheels
 from albot_env.sim import ODOMETERS, PIONEER_3DX, OdometerConfig
-from albot_env.sim.odometer import COUNTS, ODOMETER_DRAWS, read_odometer, roll_wheels
+from albot_env.sim.odometer import ODOMETER_COUNT, ODOMETER_DRAWS, read_odometer, roll_wheels
 
 BASE = PIONEER_3DX.wheel_base
 
@@ -21,7 +21,7 @@ class Odometer:
 
     def __init__(self, config: OdometerConfig, key: int = 0) -> None:
         self.errors = config.constants(BASE)
-        self.count = np.zeros(COUNTS)
+        self.count = np.zeros(1, ODOMETER_COUNT)[0]
         self.key = np.uint64(key)
         self.place = 0
         self.read()  # as an episode begins

@@ -18,16 +18,16 @@ def test_the_way_home_begins_at_the_end_of_the_outward_journey(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The mapper is told once, when it knows all of the journey."""
-    told: list[np.ndarray] = []
+    poses: list[np.ndarray] = []
     monkeypatch.setattr(
         OdometryBatch,
         "begin_return",
-        lambda mappers, row: told.append(mappers.poses[row].copy()),
+        lambda mappers, row: poses.append(mappers.poses[row].copy()),
     )
     env = HomingEnv(two_rooms, mapper="odometry", config=FAR)
     for episode in (1, 2):
         _, info = env.reset(seed=episode)
         env.step(np.array((1, 0, -1), np.float32))
-        assert len(told) == episode
-        assert np.hypot(*told[-1][:2]) > 1.5
-        np.testing.assert_allclose(told[-1], info["belief"], atol=0.01)
+        assert len(poses) == episode
+        assert np.hypot(*poses[-1][:2]) > 1.5
+        np.testing.assert_allclose(poses[-1], info["belief"], atol=0.01)

@@ -90,10 +90,10 @@ def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: Worl
     forget_claims(0, claims)
     pose = np.zeros(3)
     steps = [(A, True), *3 * [(A, False)], (B, True), *3 * [(B, False)], *4 * [(A, False)]]
-    told = [
+    judged = [
         judge_claim(0, k, 0.5 * k, pose, room, new, claims) for k, (room, new) in enumerate(steps)
     ]
-    assert told == [*2 * [NOTHING], FALSE, *3 * [NOTHING], FALSE, *3 * [NOTHING], RIGHT, NOTHING]
+    assert judged == [*2 * [NOTHING], FALSE, *3 * [NOTHING], FALSE, *3 * [NOTHING], RIGHT, NOTHING]
     assert claims.points.shape[1] == 0
 
 

@@ -22,8 +22,8 @@ TASK = VisitRoomsTask.environment
 def test_the_guides_code_is_the_task_that_the_tests_use() -> None:
     guide = (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8")
     code = (Path(__file__).parent / "visit_rooms.py").read_text(encoding="utf-8")
-    told = "\n".join(BLOCK.findall(guide))
-    assert [line for line in told.splitlines() if line] == [
+    shown = "\n".join(BLOCK.findall(guide))
+    assert [line for line in shown.splitlines() if line] == [
         line for line in code.splitlines() if line
     ]
 

@@ -148,9 +148,9 @@ REFUSED = (
 def test_what_is_of_another_kind_is_refused() -> None:
     """In a process where nobody checks types: here the tests do."""
     words = [sys.executable, "-c", "import albot_env" + OTHER_KINDS]
-    told = subprocess.run(words, check=True, capture_output=True, text=True).stdout.splitlines()
-    assert len(told) == len(REFUSED)
-    for line, expected in zip(told, REFUSED, strict=True):
+    lines = subprocess.run(words, check=True, capture_output=True, text=True).stdout.splitlines()
+    assert len(lines) == len(REFUSED)
+    for line, expected in zip(lines, REFUSED, strict=True):
         assert expected in line
 
 

@@ -67,10 +67,10 @@ def test_ppo_learns_with_it_and_reports_its_returns(form: str, policy: str, tmp_
     model.learn(128)
     assert len(model.ep_info_buffer) == 4 * (32 // 6)
     model.logger.close()
-    told = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
-    assert told["rollout/ep_len_mean"] == 6
+    progress = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    assert progress["rollout/ep_len_mean"] == 6
     mean = np.mean([episode["r"] for episode in model.ep_info_buffer])
-    assert told["rollout/ep_rew_mean"] == pytest.approx(mean)
+    assert progress["rollout/ep_rew_mean"] == pytest.approx(mean)
     after = model.policy.parameters()
     assert any(not old.equal(new) for old, new in zip(before, after, strict=True))
 

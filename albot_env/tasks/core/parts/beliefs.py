@@ -72,7 +72,7 @@ HEADING = ObservationPart(
 @kernel()
 def fill_heading(i: int, sources: Sources, row: np.ndarray) -> None:
     """Fill in robot i's believed heading."""
-    home = sources.state.homes[i]
+    home = sources.state.homes_in_robot[i]
     row[0], row[1] = math.cos(home[2]), -math.sin(home[2])
 
 
@@ -91,7 +91,7 @@ HOME = ObservationPart(
 @kernel()
 def fill_home(i: int, sources: Sources, row: np.ndarray) -> None:
     """Fill in where robot i believes home."""
-    observe_home(sources.state.homes[i], sources.scales.home, row)
+    observe_home(sources.state.homes_in_robot[i], sources.scales.home, row)
 
 
 @kernel()
@@ -180,8 +180,8 @@ PLACE = ObservationPart(
 @kernel()
 def fill_place(i: int, sources: Sources, row: np.ndarray) -> None:
     """Fill in whether robot i knows the place, and whether it is lost."""
-    for flag in range(2):
-        row[flag] = 1.0 if sources.state.places[i, flag] else -1.0
+    row[0] = 1.0 if sources.state.is_recognised[i] else -1.0
+    row[1] = 1.0 if sources.state.is_lost[i] else -1.0
 
 
 # Exit

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.split_and_merge import Constants, Journey, split_and_merge
+from albot_core.mappers.albot0.split_and_merge import Constants, StepMeasures, split_and_merge
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 _ABOVE_ONE = Range("a number from 1", 1.0)
@@ -130,6 +130,6 @@ def split_journey(
     seen = np.zeros(len(areas) + 1, np.int64)
     ways = lines[:, 2:] - lines[:, :2]
     lengths = np.hypot(*ways.T)
-    journey = Journey(ways, lengths, widths, begins, starts, faces, areas, seen)
-    bounds = split_and_merge(journey, config.constants)
+    measures = StepMeasures(ways, lengths, widths, begins, starts, faces, areas, seen)
+    bounds = split_and_merge(measures, config.constants)
     return Regions(splits=bounds, steps=lines)

@@ -36,7 +36,7 @@ class Constants(NamedTuple):
     """The smallest turn between two corridors at which they are split (rad)."""
 
 
-class Journey(NamedTuple):
+class StepMeasures(NamedTuple):
     """The data from which the areas and lengths of all regions of a journey are computed."""
 
     ways: np.ndarray
@@ -59,17 +59,17 @@ class Journey(NamedTuple):
 
 
 @kernel(arrays=True)
-def split_and_merge(journey: Journey, constants: Constants) -> np.ndarray:
+def split_and_merge(measures: StepMeasures, constants: Constants) -> np.ndarray:
     """Return the steps at which regions begin, and the number of all steps (regions + 1,)."""
-    steps = journey.lengths.shape[0]
+    steps = measures.lengths.shape[0]
     is_bend = np.zeros(steps + 1, np.bool_)
-    find_bends(journey, constants, is_bend)
+    find_bends(measures, constants, is_bend)
     is_split = is_bend.copy()
     before, after, residuals = np.empty((2, steps)), np.empty((2, steps)), np.empty(steps)
-    split(journey, constants, is_split, before, after)
+    split(measures, constants, is_split, before, after)
     splits = np.flatnonzero(is_split)
-    count = merge(journey, constants, is_bend, splits, before, after, residuals)
-    shift(journey, constants, is_bend, splits[: count + 1], before, after)
+    count = merge(measures, constants, is_bend, splits, before, after, residuals)
+    shift(measures, constants, is_bend, splits[: count + 1], before, after)
     return splits[: count + 1].copy()
 
 
@@ -91,7 +91,7 @@ def regularisation(smaller: float, constants: Constants) -> float:
 
 
 @kernel()
-def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> None:
+def find_bends(measures: StepMeasures, constants: Constants, is_bend: np.ndarray) -> None:
     """Find the steps at which one corridor bends into another, where regions are always split.
 
     The paper names the overall direction beside the width ("a corridor is separated from another
@@ -100,11 +100,11 @@ def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> N
     a split there as well. Of neighbouring steps the one with the sharpest turn is taken.
     """
     sharpest, at = 0.0, 0
-    for step in range(1, journey.lengths.shape[0] + 1):
+    for step in range(1, measures.lengths.shape[0] + 1):
         turn = 0.0
-        if step < journey.lengths.shape[0]:
-            came, x, y = corridor(journey, step - 1, -1)
-            goes, u, v = corridor(journey, step, 1)
+        if step < measures.lengths.shape[0]:
+            came, x, y = corridor(measures, step - 1, -1)
+            goes, u, v = corridor(measures, step, 1)
             if came and goes:
                 turn = abs(math.atan2(x * v - y * u, x * u + y * v))
         if turn < constants.bend:
@@ -116,21 +116,21 @@ def find_bends(journey: Journey, constants: Constants, is_bend: np.ndarray) -> N
 
 
 @kernel()
-def corridor(journey: Journey, first: int, onward: int) -> tuple[bool, float, float]:
+def corridor(measures: StepMeasures, first: int, onward: int) -> tuple[bool, float, float]:
     """Return whether the way leads along a corridor from a step, and in which direction (m, m).
 
     Args:
-        journey: The journey.
+        measures: What is measured of the journey.
         first: The step.
         onward: 1 for forwards, -1 for backwards.
     """
     length = swaths = east = north = 0.0
     step = first
-    while 0 <= step < journey.lengths.shape[0]:
-        length += journey.lengths[step]
-        swaths += journey.lengths[step] * journey.widths[step]
-        east += journey.ways[step, 0]
-        north += journey.ways[step, 1]
+    while 0 <= step < measures.lengths.shape[0]:
+        length += measures.lengths[step]
+        swaths += measures.lengths[step] * measures.widths[step]
+        east += measures.ways[step, 0]
+        north += measures.ways[step, 1]
         if length * length >= _CORRIDOR * swaths:
             return math.hypot(east, north) >= _STRAIGHT * length, east, north
         step += onward
@@ -139,23 +139,23 @@ def corridor(journey: Journey, first: int, onward: int) -> tuple[bool, float, fl
 
 @kernel()
 def split(
-    journey: Journey,
+    measures: StepMeasures,
     constants: Constants,
     is_split: np.ndarray,
     before: np.ndarray,
     after: np.ndarray,
 ) -> None:
     """Split each robot path where h is greatest, and its parts again, while h is above θ_r."""
-    steps = journey.lengths.shape[0]
+    steps = measures.lengths.shape[0]
     for step in range(steps):
-        is_split[step] |= journey.begins[step]
+        is_split[step] |= measures.begins[step]
     is_split[0] = is_split[steps] = True
     first = 0
     while first < steps:
         last = first + 1
         while not is_split[last]:
             last += 1
-        best, greatest = residual(journey, constants, first, last, before, after)
+        best, greatest = residual(measures, constants, first, last, before, after)
         if greatest > constants.threshold:
             is_split[best] = True
         else:
@@ -164,7 +164,7 @@ def split(
 
 @kernel()
 def merge(
-    journey: Journey,
+    measures: StepMeasures,
     constants: Constants,
     is_bend: np.ndarray,
     splits: np.ndarray,
@@ -178,7 +178,7 @@ def merge(
     """
     count = int(splits.shape[0]) - 1
     for k in range(count - 1):
-        residuals[k] = merged(journey, constants, is_bend, splits[k : k + 3], before, after)
+        residuals[k] = merged(measures, constants, is_bend, splits[k : k + 3], before, after)
     while count > 1:
         k = 0
         for other in range(1, count - 1):
@@ -193,13 +193,13 @@ def merge(
             residuals[other] = residuals[other + 1]
         for other in range(max(k - 1, 0), min(k + 1, count - 1)):
             three = splits[other : other + 3]
-            residuals[other] = merged(journey, constants, is_bend, three, before, after)
+            residuals[other] = merged(measures, constants, is_bend, three, before, after)
     return count
 
 
 @kernel()
 def merged(
-    journey: Journey,
+    measures: StepMeasures,
     constants: Constants,
     is_bend: np.ndarray,
     splits: np.ndarray,
@@ -209,12 +209,12 @@ def merged(
     """Return the residual of two neighbours after merging; infinite at a bend."""
     if is_bend[splits[1]]:
         return math.inf
-    return float(residual(journey, constants, splits[0], splits[2], before, after)[1])
+    return float(residual(measures, constants, splits[0], splits[2], before, after)[1])
 
 
 @kernel()
 def residual(
-    journey: Journey,
+    measures: StepMeasures,
     constants: Constants,
     first: int,
     last: int,
@@ -222,8 +222,8 @@ def residual(
     after: np.ndarray,
 ) -> tuple[int, float]:
     """Return the step that splits a region into the most different parts, and h (0 for none)."""
-    measure_from(journey, first, last, before)
-    measure_until(journey, first, last, after)
+    measure_from(measures, first, last, before)
+    measure_until(measures, first, last, after)
     best, greatest = first, 0.0
     for middle in range(first + 1, last):
         area, width = before[0, middle - 1], before[1, middle - 1]
@@ -236,7 +236,7 @@ def residual(
 
 @kernel()
 def shift(
-    journey: Journey,
+    measures: StepMeasures,
     constants: Constants,
     is_bend: np.ndarray,
     splits: np.ndarray,
@@ -258,29 +258,29 @@ def shift(
         moved = False
         for k in range(1, splits.shape[0] - 1):
             first, last = splits[k - 1], splits[k + 1]
-            best = best_split(journey, first, splits[k], last)
+            best = best_split(measures, first, splits[k], last)
             if best == splits[k] or is_bend[splits[k]]:
                 continue
-            one = residual(journey, constants, first, best, before, after)[1]
-            other = residual(journey, constants, best, last, before, after)[1]
+            one = residual(measures, constants, first, best, before, after)[1]
+            other = residual(measures, constants, best, last, before, after)[1]
             if max(one, other) <= constants.threshold:
                 splits[k], moved = best, True
 
 
 @kernel()
-def best_split(journey: Journey, first: int, here: int, last: int) -> int:
+def best_split(measures: StepMeasures, first: int, here: int, last: int) -> int:
     """Return the best split point of two neighbours, `here` if no other is better."""
     whole = rest = 0.0
     for step in range(first, last):
-        whole += journey.lengths[step]
-        rest += journey.lengths[step] * math.log(journey.widths[step])
+        whole += measures.lengths[step]
+        rest += measures.lengths[step] * math.log(measures.widths[step])
     # The sum of the squared values is the same for every split, so the error is least where the
     # squares of the means are greatest.
     length = summed = present = 0.0
     best, greatest = here, -np.inf
     for middle in range(first + 1, last):
-        length += journey.lengths[middle - 1]
-        summed += journey.lengths[middle - 1] * math.log(journey.widths[middle - 1])
+        length += measures.lengths[middle - 1]
+        summed += measures.lengths[middle - 1] * math.log(measures.widths[middle - 1])
         explained = summed**2 / length + (rest - summed) ** 2 / (whole - length)
         if middle == here:
             present = explained
@@ -290,42 +290,42 @@ def best_split(journey: Journey, first: int, here: int, last: int) -> int:
 
 
 @kernel()
-def measure_from(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
+def measure_from(measures: StepMeasures, first: int, last: int, measured: np.ndarray) -> None:
     """Set `measured[:, k]` to the area and average width of the region from `first` to step k."""
-    area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
+    area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(measures)
     for step in range(first, last):
-        area += not_counted(journey, step, latest)
-        length += journey.lengths[step]
-        swaths += journey.lengths[step] * journey.widths[step]
+        area += not_counted(measures, step, latest)
+        length += measures.lengths[step]
+        swaths += measures.lengths[step] * measures.widths[step]
         measured[0, step], measured[1, step] = area, swaths / length
 
 
 @kernel()
-def measure_until(journey: Journey, first: int, last: int, measured: np.ndarray) -> None:
+def measure_until(measures: StepMeasures, first: int, last: int, measured: np.ndarray) -> None:
     """Set `measured[:, k]` to the area and width of the region from step k to before `last`."""
-    area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(journey)
+    area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(measures)
     for step in range(last - 1, first - 1, -1):
-        area += not_counted(journey, step, latest)
-        length += journey.lengths[step]
-        swaths += journey.lengths[step] * journey.widths[step]
+        area += not_counted(measures, step, latest)
+        length += measures.lengths[step]
+        swaths += measures.lengths[step] * measures.widths[step]
         measured[0, step], measured[1, step] = area, swaths / length
 
 
 @kernel()
-def next_sum(journey: Journey) -> int:
+def next_sum(measures: StepMeasures) -> int:
     """Return the number of a new sum over faces."""
-    latest = int(journey.seen[-1]) + 1
-    journey.seen[-1] = latest
+    latest = int(measures.seen[-1]) + 1
+    measures.seen[-1] = latest
     return latest
 
 
 @kernel()
-def not_counted(journey: Journey, step: int, latest: int) -> float:
+def not_counted(measures: StepMeasures, step: int, latest: int) -> float:
     """Return the area of a step's faces not yet counted in the latest sum, and count them (m²)."""
     area = 0.0
-    for pair in range(journey.starts[step], journey.starts[step + 1]):
-        face = journey.faces[pair]
-        if journey.seen[face] != latest:
-            journey.seen[face] = latest
-            area += journey.areas[face]
+    for pair in range(measures.starts[step], measures.starts[step + 1]):
+        face = measures.faces[pair]
+        if measures.seen[face] != latest:
+            measures.seen[face] = latest
+            area += measures.areas[face]
     return area

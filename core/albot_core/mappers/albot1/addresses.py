@@ -32,7 +32,7 @@ COLUMNS = _GRAPH + len(PathGraph._fields)
 """Length of a row of the table."""
 
 
-class RobotArrays(NamedTuple):
+class MapperArrays(NamedTuple):
     """The arrays of one robot."""
 
     pm: PerceptualMap
@@ -47,7 +47,7 @@ class RobotArrays(NamedTuple):
     """The links between the breadcrumbs."""
 
 
-def addresses_of(arrays: RobotArrays) -> Int64[np.ndarray, "columns"]:
+def addresses_of(arrays: MapperArrays) -> Int64[np.ndarray, "columns"]:
     """Return a robot's row of the table. It is valid as long as the arrays live."""
     addresses = [array.ctypes.data for part in arrays for array in part]
     pm, view, _, crumbs, graph = arrays

@@ -11,11 +11,11 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.kernels.arguments import ArgumentsCache
-from albot_core.mappers.albot1.addresses import COLUMNS, RobotArrays, addresses_of
+from albot_core.mappers.albot1.addresses import COLUMNS, MapperArrays, addresses_of
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.handle_events import RobotMemory, handle_events
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
-from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES
+from albot_core.mappers.albot1.perceptual_map.mapping import MAPPING_PROGRESS
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
     clear_map,
@@ -46,7 +46,7 @@ from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import LaserGeometry, Readings
 from albot_core.sensing.view import view_settings
 
-AFRESH = 0.2
+WAY_UPDATE_DISTANCE = 0.2
 """The way home is updated each time the robot has moved this far (m)."""
 
 
@@ -72,11 +72,11 @@ class Albot1Batch:
         """The specification registered under the mappers' name."""
         self.config = config or Albot1Config()
         self._limits = self.config.limits
-        self._arrays: list[RobotArrays] = []
+        self._arrays: list[MapperArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
-        self._homes = np.zeros((count, 3))
+        self._homes_in_map = np.zeros((count, 3))
         self._matched_readings = np.full(count, -1)
-        self._places = np.zeros((count, 2), np.bool_)
+        self._is_recognised = np.zeros(count, np.bool_)
         self._ways_home = np.full((count, 7), np.nan)
         self._next_exits = np.full((count, 4), np.nan)
         self._found_at = np.full((count, 2), np.inf)
@@ -85,7 +85,7 @@ class Albot1Batch:
         self._expecting = [-1] * count
         self._robots = BatchArrays(
             table=np.zeros((count, COLUMNS), np.int64),
-            progress=np.zeros((count, 5), np.int64),
+            progress=np.zeros(count, MAPPING_PROGRESS),
             odometers=np.tile(unknown_odometer(), (count, 1)),
             sectors=np.zeros((count, SECTORS)),
             since=np.zeros((count, 3)),
@@ -103,7 +103,7 @@ class Albot1Batch:
         for network in self._networks:
             parts = empty_map(), empty_view(), empty_exits()
             breadcrumbs = network.breadcrumbs
-            self._arrays.append(RobotArrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
+            self._arrays.append(MapperArrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
         for row in range(count):
             self._set_addresses(row)
         self._arguments_cache = ArgumentsCache(self._arguments)
@@ -114,9 +114,9 @@ class Albot1Batch:
         return self._robots.poses
 
     @property
-    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+    def homes_in_map(self) -> Float64[np.ndarray, "robots 3"]:
         """The estimated pose of home in each robot's map frame. Overwritten by updates."""
-        return self._homes
+        return self._homes_in_map
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
@@ -129,7 +129,7 @@ class Albot1Batch:
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Update `matched_readings` for the given rows."""
         for row in rows.tolist():
-            if self._places[row, 0]:
+            if self._is_recognised[row]:
                 matched = self._networks[row].match_reading(self.poses[row])
                 self._matched_readings[row] = -1 if matched is None else matched
 
@@ -139,9 +139,14 @@ class Albot1Batch:
         return self.updates + self._network_versions
 
     @property
-    def places(self) -> Bool[np.ndarray, "robots 2"]:
-        """Whether each robot recognises its place, and whether it is lost. Overwritten."""
-        return self._places
+    def is_recognised(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each robot recognises its place. Overwritten by the next update."""
+        return self._is_recognised
+
+    @property
+    def is_lost(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each robot is lost. Overwritten by the next update."""
+        return self._robots.is_lost
 
     @property
     def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
@@ -156,7 +161,7 @@ class Albot1Batch:
         where the path along the breadcrumbs says that home is near, even if the present place is
         taken for another than home.
         """
-        gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
+        gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > WAY_UPDATE_DISTANCE
         for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
             network = self._networks[row]
             has_changed = self._versions[row] != network.version
@@ -175,7 +180,7 @@ class Albot1Batch:
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """The number of times each robot has laid a view over its map. Overwritten by updates."""
-        return self._robots.progress[:, UPDATES]
+        return self._robots.progress["updates"]
 
     @property
     def segment_counts(self) -> Int64[np.ndarray, "robots"]:
@@ -185,7 +190,7 @@ class Albot1Batch:
     @property
     def lost(self) -> Int64[np.ndarray, "robots"]:
         """The number of views at which no landmark was recognised and odometry stood in."""
-        return self._robots.progress[:, UNRECOGNIZED]
+        return self._robots.progress["unrecognized"]
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
         """Forget all that one robot remembers. Draws no random number."""
@@ -267,7 +272,7 @@ class Albot1Batch:
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Return everything that one robot remembers, as arrays by name."""
         pm, view, exits, _, _ = self._arrays[row]
-        rows = {name: getattr(self._robots, field)[row] for name, field in STORED_ROWS.items()}
+        rows = {name: self._stored_rows(field)[row] for name, field in STORED_ROWS.items()}
         return SCHEMA.arrays({**rows, **stored_arrays(pm, view, exits, self._networks[row])})
 
     def restore(self, row: int, state: Arrays) -> None:
@@ -279,16 +284,23 @@ class Albot1Batch:
         SCHEMA.check(state)
         pm, view, exits, network = rebuilt_arrays(state, self.config.places)
         breadcrumbs = network.breadcrumbs
-        arrays = RobotArrays(pm, view, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
+        arrays = MapperArrays(pm, view, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
         self._arrays[row] = arrays
         self._networks[row] = network
         self._forget_ways(row)
         self._set_addresses(row)
         for name, field in STORED_ROWS.items():
-            getattr(self._robots, field)[row] = state[name]
+            self._stored_rows(field)[row] = state[name]
         self._robots.surfaces[row] = pm.counts[ALIVE]
         compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
         self.match_readings(np.array([row]))
+
+    def _stored_rows(self, field: str) -> np.ndarray:
+        """Return a field of `BatchArrays`; of records a view, with a column for each number."""
+        array: np.ndarray = getattr(self._robots, field)
+        if array.dtype.names is None:
+            return array
+        return array.view(array.dtype[0]).reshape(len(array), -1)
 
     def kept_way(self, row: int) -> dict[str, np.ndarray]:
         """Return one robot's last way home and whether it is still current (see `find_ways`)."""
@@ -312,11 +324,11 @@ class Albot1Batch:
     def _note_places(self, row: int) -> None:
         """Copy what the network says of home and the present place into the robot's rows."""
         network = self._networks[row]
-        self._homes[row] = network.home
+        self._homes_in_map[row] = network.home
         matched = network.match_reading(self.poses[row])
         self._matched_readings[row] = -1 if matched is None else matched
         self._network_versions[row] = network.version
-        self._places[row] = matched is not None, network.lost_since > 0
+        self._is_recognised[row] = matched is not None
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
         robots.map_to_graph[row] = network.map_to_graph

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,13 +10,7 @@ from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
-from albot_core.mappers.albot1.perceptual_map.mapping import (
-    INCONSISTENT,
-    STEP,
-    UPDATED_AT,
-    UPDATES,
-    update_map,
-)
+from albot_core.mappers.albot1.perceptual_map.mapping import update_map
 from albot_core.mappers.albot1.perceptual_map.memory import (
     GATE,
     USED,
@@ -58,7 +52,7 @@ class RobotMemory(NamedTuple):
     """The exits that the robot has seen."""
     network: PlaceNetwork
     """The robot's network of places."""
-    progress: np.ndarray
+    progress: Any
     """(5,) int64: the robot's counters (see `mapping`)."""
     pose: np.ndarray
     """(3,) float64: the robot's estimated pose (m, rad; the map's frame)."""
@@ -68,7 +62,7 @@ class RobotMemory(NamedTuple):
     @property
     def step(self) -> int:
         """The number of views processed."""
-        return int(self.progress[STEP])
+        return int(self.progress["step"])
 
     @property
     def walls(self) -> Segments:
@@ -114,9 +108,9 @@ def _forget_visits(robot: RobotMemory) -> None:
 
 def _note_update(robot: RobotMemory) -> None:
     """Count the update by which the last view was laid over the map."""
-    robot.progress[UPDATED_AT] = robot.progress[STEP] - 1
-    robot.progress[UPDATES] += 1
-    robot.progress[INCONSISTENT] = 0
+    robot.progress["updated_at"] = robot.progress["step"] - 1
+    robot.progress["updates"] += 1
+    robot.progress["inconsistent"] = 0
 
 
 def _compare(robot: RobotMemory) -> None:

@@ -88,8 +88,8 @@ class Albot1:
         matched = int(robot.matched_readings[0])
         return Estimate(
             pose=np.array(robot.poses[0]),
-            home=np.array(robot.homes[0]),
-            localised=not robot.places[0, 1],
+            home=np.array(robot.homes_in_map[0]),
+            localised=not robot.is_lost[0],
             place=robot.network(0).current,
             matched_reading=None if matched < 0 else matched,
             updates=self.updates,

@@ -24,8 +24,6 @@ from albot_core.mappers.albot1.addresses import (
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, relative_pose
 from albot_core.mappers.albot1.perceptual_map.mapping import (
-    INCONSISTENT,
-    STEP,
     map_step,
 )
 from albot_core.mappers.albot1.perceptual_map.memory import (
@@ -174,7 +172,7 @@ def _step(
     """Process a robot's reading. Returns false, and changes nothing, if its arrays lack room."""
     if not has_room(graph_at(robots.table[row])):
         return False
-    is_first, since = robots.progress[row, STEP] == 0, _since()
+    is_first, since = robots.progress[row].step == 0, _since()
     since[0] = since[1] = since[2] = 0.0
     previous = view_at(robots.table[row])
     robots.events[row] = 0
@@ -229,9 +227,9 @@ def _step_view(
     if limits.remembers_places:
         remember_exits(exits, current, limits)
     compared_from, is_lost = robots.compared_from[row], robots.is_lost[row]
-    if progress[INCONSISTENT] > 1:
+    if progress.inconsistent > 1:
         robots.events[row] += KIDNAPPED
-    elif progress[INCONSISTENT] == 0 and cross_exit(exits, x, y, pose):
+    elif progress.inconsistent == 0 and cross_exit(exits, x, y, pose):
         robots.events[row] += CROSSED
     elif keep_or_drop_candidate(pm, exits, compared_from, is_lost, pose, limits):
         robots.events[row] += REVISITING

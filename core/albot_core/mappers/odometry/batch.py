@@ -92,9 +92,10 @@ class OdometryBatch:
         self.config = config or OdometryConfig()
         self.poses = np.zeros((count, 3))
         """Each robot's pose by odometry."""
-        self.homes = np.zeros((count, 3))
+        self.homes_in_map = np.zeros((count, 3))
         """Home is where each odometer began."""
-        self.places = np.zeros((count, 2), np.bool_)
+        self.is_recognised = np.zeros(count, np.bool_)
+        self.is_lost = np.zeros(count, np.bool_)
         self.matched_readings = np.full(count, -1)
         self.updates: Int64[np.ndarray, "robots"] = np.zeros(count, np.int64)
         """How often each added a view."""

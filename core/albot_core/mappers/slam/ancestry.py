@@ -172,7 +172,7 @@ def _merge_into_parent(
     tree.children[node] = NONE
 
 
-class LocalMap(NamedTuple):
+class ParticleMaps(NamedTuple):
     """What every particle knows of the squares around it: DP-SLAM 2.0's local maps.
 
     A row is filled when a square is first needed in an update. All rows are cleared at the end of
@@ -192,9 +192,9 @@ class LocalMap(NamedTuple):
     """Scratch buffer: the observation of each node."""
 
 
-def make_local_map(slots: int, particles: int) -> LocalMap:
-    """Return an empty local map with this number of rows."""
-    return LocalMap(
+def make_particle_maps(slots: int, particles: int) -> ParticleMaps:
+    """Return empty maps with this number of rows."""
+    return ParticleMaps(
         # Left uninitialised, so that memory is only used once rows are filled.
         beams=np.empty((slots, particles, 2), np.float32),
         squares=np.empty(slots, np.int32),
@@ -205,10 +205,10 @@ def make_local_map(slots: int, particles: int) -> LocalMap:
 
 
 @kernel()
-def fill_local_map(
-    arrays: MapArrays, tree: TreeArrays, local: LocalMap, nodes: int, square: int
+def fill_particle_maps(
+    arrays: MapArrays, tree: TreeArrays, maps: ParticleMaps, nodes: int, square: int
 ) -> int:
-    """Fill a row of the local map for a square; return its slot (see `MapArrays.slot`).
+    """Fill a row of the maps for a square; return its slot (see `MapArrays.slot`).
 
     ICRA 2004, section III: a node knows a square by its own observation, or else by its parent's.
     One pass over the nodes therefore gives the knowledge of all particles.
@@ -216,13 +216,13 @@ def fill_local_map(
     Args:
         arrays: The map.
         tree: The tree, with its nodes in order.
-        local: The local map, with at least one free row.
+        maps: The particles' maps, with at least one free row.
         nodes: Number of nodes.
         square: The square.
     """
-    slot, found, first = local.rows[0], local.found, arrays.first[square]
-    local.rows[0] += 1
-    local.squares[slot] = square
+    slot, found, first = maps.rows[0], maps.found, arrays.first[square]
+    maps.rows[0] += 1
+    maps.squares[slot] = square
     for k in range(nodes):
         found[tree.order[k]] = NONE
     for at in range(first, first + arrays.counts[square]):
@@ -232,13 +232,13 @@ def fill_local_map(
         if found[node] == NONE:
             found[node] = found[tree.parent[node]]
     is_empty = True
-    for particle in range(len(local.nodes)):
-        node = local.nodes[particle]
+    for particle in range(len(maps.nodes)):
+        node = maps.nodes[particle]
         at = NONE if node == NONE else found[node]
         stopped = arrays.beams[at, 0] if at != NONE else np.float32(0.0)
         distance = arrays.beams[at, 1] if at != NONE else np.float32(0.0)
-        local.beams[slot, particle, 0] = stopped
-        local.beams[slot, particle, 1] = distance
+        maps.beams[slot, particle, 0] = stopped
+        maps.beams[slot, particle, 1] = distance
         if node != NONE and (distance == 0.0 or stopped > 0.0):
             is_empty = False
     arrays.slot[square] = -slot if is_empty else slot
@@ -246,11 +246,11 @@ def fill_local_map(
 
 
 @kernel()
-def clear_local_map(arrays: MapArrays, local: LocalMap) -> None:
-    """Clear all rows of the local map."""
-    for slot in range(1, local.rows[0]):
-        arrays.slot[local.squares[slot]] = 0
-    local.rows[0] = 1
+def clear_particle_maps(arrays: MapArrays, maps: ParticleMaps) -> None:
+    """Clear all rows of the maps."""
+    for slot in range(1, maps.rows[0]):
+        arrays.slot[maps.squares[slot]] = 0
+    maps.rows[0] = 1
 
 
 @kernel()

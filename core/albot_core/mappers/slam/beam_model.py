@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -48,9 +49,14 @@ class BeamConfig:
         check_fields(self, _NEGATIVE, "null")
 
 
-def beam_tables(
-    config: BeamConfig, cell: float
-) -> tuple[Float64[np.ndarray, "masks parts"], Float64[np.ndarray, "masks parts"]]:
+class BeamTables(NamedTuple):
+    """The fit of one beam to a map, by what is around its end (see `beam_tables`)."""
+
+    scores: Float64[np.ndarray, "masks parts"]
+    log_likelihoods: Float64[np.ndarray, "masks parts"]
+
+
+def beam_tables(config: BeamConfig, cell: float) -> BeamTables:
     """Return the score and the log-likelihood of one beam.
 
     The rows are the occupancy of the beam's end cell and its eight neighbours, as bits, row by row;
@@ -65,7 +71,7 @@ def beam_tables(
     is_occupied = (masks >> np.arange(9)) & 1 == 1
     nearest = np.where(is_occupied, squared * cell**2, np.inf).min(axis=-1)
     log_likelihoods = np.maximum(-nearest / config.likelihood_sigma, config.null) / config.gain
-    return np.exp(-nearest / config.sigma), log_likelihoods
+    return BeamTables(np.exp(-nearest / config.sigma), log_likelihoods)
 
 
 @kernel()

@@ -27,10 +27,10 @@ from albot_core.mappers.schema import (
 )
 from albot_core.mappers.slam.ancestral_paths import AncestralPaths
 from albot_core.mappers.slam.ancestry import (
-    LocalMap,
+    ParticleMaps,
     add_node,
-    clear_local_map,
-    make_local_map,
+    clear_particle_maps,
+    make_particle_maps,
     order_nodes,
     prune,
 )
@@ -53,7 +53,7 @@ from albot_core.sensing.reading import Reading
 _LEAST_WAY = 1e-6
 """Smallest distance through a square in the drawn map (m)."""
 _SCANS = 4
-"""Number of scans whose squares the local map can hold."""
+"""Number of scans whose squares the particles' maps can hold."""
 
 
 def _check_particles(state: Arrays, sizes: Sizes) -> None:
@@ -83,7 +83,7 @@ class DpSlam(StoredMapper):
     """
 
     config: DpSlamConfig
-    _local: LocalMap | None
+    _maps: ParticleMaps | None
     SCHEMA = Schema(
         generator("rng"),
         Field("moved", "3"),
@@ -98,7 +98,7 @@ class DpSlam(StoredMapper):
 
     def __init__(self, config: DpSlamConfig | None = None, name: str = "dp-slam") -> None:
         config = config or DpSlamConfig()
-        self._model, self._local = config.laser_model, None
+        self._model, self._maps = config.laser_model, None
         self._route = RouteKeeper(config.way_home)
         super().__init__(config, name)
 
@@ -176,12 +176,12 @@ class DpSlam(StoredMapper):
     ) -> Float64[np.ndarray, "samples"]:
         """Return the samples' weights for a scan; they sum to 1."""
         logs = np.zeros(len(samples))
-        arrays, tree, local = self._map.arrays, self._map.tree, self._room(beams)
-        local.nodes[:] = NONE
-        local.nodes[: len(self._nodes)] = self._nodes
+        arrays, tree, maps = self._map.arrays, self._map.tree, self._room(beams)
+        maps.nodes[:] = NONE
+        maps.nodes[: len(self._nodes)] = self._nodes
         count = order_nodes(tree)
         if beams.stopped.any():  # Without a hit the scan holds no information on the pose.
-            weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
+            weigh_samples(arrays, tree, maps, count, samples, origins, beams, self._model, logs)
         weights = np.exp(logs - logs.max())
         return np.asarray(weights / weights.sum())
 
@@ -200,9 +200,9 @@ class DpSlam(StoredMapper):
         tree = self._map.tree
         if self._paths.readings == 0:
             return self._nodes
-        local = self._local
-        assert local is not None  # `_weigh` has made it.
-        nodes, count = local.nodes, len(self._nodes)
+        maps = self._maps
+        assert maps is not None  # `_weigh` has made it.
+        nodes, count = maps.nodes, len(self._nodes)
         descendants = np.bincount(parents, minlength=count)
         is_removed = np.empty(len(tree.parent), np.uint8)
         prune(self._map.arrays, tree, nodes[:count], descendants, is_removed)
@@ -210,16 +210,16 @@ class DpSlam(StoredMapper):
 
     def _enter(self, parents: Int64[np.ndarray, "chosen"], beams: Beams) -> None:
         """Enter what each particle saw from its own pose."""
-        local, lacking = self._room(beams), np.zeros(2, np.int64)
+        maps, lacking = self._room(beams), np.zeros(2, np.int64)
         if self._paths.readings == 0:
-            local.nodes[:] = NONE
-            local.nodes[0] = self._nodes[0]
+            maps.nodes[:] = NONE
+            maps.nodes[0] = self._nodes[0]
         count = order_nodes(self._map.tree)
         for k, (pose, node) in enumerate(zip(self._poses, self._nodes, strict=True)):
             while not enter_scan(
                 self._map.arrays,
                 self._map.tree,
-                local,
+                maps,
                 count,
                 int(parents[k]),
                 int(node),
@@ -231,17 +231,17 @@ class DpSlam(StoredMapper):
                 lacking,
             ):
                 self._map.reserve_observations(int(lacking[0]), int(lacking[1]))
-        clear_local_map(self._map.arrays, local)
+        clear_particle_maps(self._map.arrays, maps)
         release_empty_tiles(self._map.arrays)
 
-    def _room(self, beams: Beams) -> LocalMap:
-        """Return the local map, with room for scans of this many beams."""
+    def _room(self, beams: Beams) -> ParticleMaps:
+        """Return the particles' maps, with room for scans of this many beams."""
         slots = _SCANS * int(slots_needed(len(beams.lengths), self._model))
-        if self._local is None or len(self._local.squares) < slots:
-            self._local = make_local_map(slots, self.config.particles)
+        if self._maps is None or len(self._maps.squares) < slots:
+            self._maps = make_particle_maps(slots, self.config.particles)
             self._seen = np.zeros((slots, 2))
             self._touched = np.empty(slots, np.int32)
-        return self._local
+        return self._maps
 
     def _check_ground(self, moved: Pose, beams: Beams) -> None:
         """Raise InputError if a motion leads farther than the map can extend."""

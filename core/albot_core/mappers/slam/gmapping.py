@@ -18,7 +18,13 @@ from jaxtyping import Float64
 from albot_core.geometry.pose_kernels import wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
+from albot_core.mappers.slam.beam_model import (
+    BeamConfig,
+    BeamTables,
+    beam_tables,
+    cut_patch,
+    weigh_points,
+)
 from albot_core.mappers.slam.particle_slam import ParticleSlam, ParticleSlamConfig
 from albot_core.mappers.slam.tiles import PoolArrays
 from albot_core.matching.scan_points import matched_points
@@ -84,7 +90,7 @@ class GMapping(ParticleSlam):
 
     def __init__(self, config: GMappingConfig | None = None, name: str = "gmapping") -> None:
         config = config or GMappingConfig()
-        self._scores, self._log_likelihoods = beam_tables(config.beams, config.grid.cell)
+        self._tables = beam_tables(config.beams, config.grid.cell)
         super().__init__(config, name)
 
     @property
@@ -116,8 +122,7 @@ class GMapping(ParticleSlam):
             motion,
             deviations,
             self._rng.standard_normal((particles.count, 3)),
-            self._scores,
-            self._log_likelihoods,
+            self._tables,
             search,
             particles.poses,
             particles.log_weights,
@@ -134,8 +139,7 @@ def draw_poses(
     motion: np.ndarray,
     deviations: np.ndarray,
     noise: np.ndarray,
-    scores: np.ndarray,
-    log_likelihoods: np.ndarray,
+    tables: BeamTables,
     search: Search,
     poses: np.ndarray,
     log_weights: np.ndarray,
@@ -151,12 +155,12 @@ def draw_poses(
         motion: The motion since the last update.
         deviations: Its standard deviations along the robot's axes (m, m, rad).
         noise: Standard normal random numbers (particles, 3).
-        scores: The scores of `beam_tables`.
-        log_likelihoods: The log-likelihoods of `beam_tables`.
+        tables: The scores and log-likelihoods of one beam.
         search: Parameters of the search for the best pose.
         poses: The poses, changed in place.
         log_weights: The log-weights, changed in place.
     """
+    scores, log_likelihoods = tables
     guess, best, trial, mean = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     covariance = np.empty((3, 3))
     samples = np.empty((search.samples**3, 4))

@@ -57,7 +57,7 @@ class GridSlam(ParticleSlam):
 
     def __init__(self, config: GridSlamConfig | None = None, name: str = "grid-slam") -> None:
         config = config or GridSlamConfig()
-        _, self._log_likelihoods = beam_tables(config.beams, config.grid.cell)
+        self._log_likelihoods = beam_tables(config.beams, config.grid.cell).log_likelihoods
         super().__init__(config, name)
 
     @property

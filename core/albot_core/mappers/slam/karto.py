@@ -184,9 +184,9 @@ class Karto(StoredMapper):
             *at.tolist(),
         )
         # OpenKarto prints its warnings to standard output, which would mix with our own output.
-        with redirect_stdout(StringIO()) as told:
+        with redirect_stdout(StringIO()) as output:
             self._karto.process_scan(scan)
-        for line in told.getvalue().splitlines():
+        for line in output.getvalue().splitlines():
             _log.info("%s: %s", self._name, line)
         self._scans.append(laser)
         self._odometry.append(pose)

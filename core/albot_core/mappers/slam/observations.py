@@ -40,8 +40,8 @@ class MapArrays(NamedTuple):
     size: Int8[np.ndarray, "squares"]
     """Size of each square's block: room for 2 to the power of (size + 1) observations."""
     slot: Int32[np.ndarray, "squares"]
-    """Row of each square in the local map (see `LocalMap`); 0 for none, negative if the square is
-    empty for every particle."""
+    """Row of each square in the local maps (see `ParticleMaps`); 0 for none, negative if the square
+    is empty for every particle."""
     owner: Int16[np.ndarray, "observations"]
     """The node of the ancestry tree that made each observation."""
     beams: Float32[np.ndarray, "observations 2"]

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.slam.ancestry import LocalMap, clear_local_map, fill_local_map
+from albot_core.mappers.slam.ancestry import ParticleMaps, clear_particle_maps, fill_particle_maps
 from albot_core.mappers.slam.observations import TILE_SQUARES, MapArrays, TreeArrays, tile_at
 from albot_core.mappers.slam.tiles import NONE, TILE
 from albot_core.sensing.reading import LaserScan
@@ -119,7 +119,7 @@ def start_walk(
 def _density(
     arrays: MapArrays,
     tree: TreeArrays,
-    local: LocalMap,
+    maps: ParticleMaps,
     nodes: int,
     particle: int,
     tile: int,
@@ -136,10 +136,10 @@ def _density(
     square = tile * TILE_SQUARES + (row & 31) * TILE + (column & 31)
     slot = arrays.slot[square]
     if slot == 0 and arrays.first[square] != NONE:
-        slot = fill_local_map(arrays, tree, local, nodes, square)
+        slot = fill_particle_maps(arrays, tree, maps, nodes, square)
     if slot < 0:
         return 0.0
-    stopped, distance = local.beams[slot, particle, 0], local.beams[slot, particle, 1]
+    stopped, distance = maps.beams[slot, particle, 0], maps.beams[slot, particle, 1]
     return stopped / distance if slot > 0 and distance > 0.0 else 1.0 / prior
 
 
@@ -147,7 +147,7 @@ def _density(
 def beam_likelihood(
     arrays: MapArrays,
     tree: TreeArrays,
-    local: LocalMap,
+    maps: ParticleMaps,
     nodes: int,
     particle: int,
     ray: tuple[float, float, float, float],
@@ -161,7 +161,7 @@ def beam_likelihood(
     Args:
         arrays: The map.
         tree: The tree, in order.
-        local: The local map.
+        maps: The particles' maps.
         nodes: Number of nodes.
         particle: The particle whose map is used.
         ray: x, y of the laser in the map (m); x, y of the beam's unit vector.
@@ -181,7 +181,7 @@ def beam_likelihood(
         if row >> 5 != tile_row or column >> 5 != tile_column:
             tile_row, tile_column = row >> 5, column >> 5
             tile = tile_at(arrays, tile_row, tile_column)
-        density = _density(arrays, tree, local, nodes, particle, tile, row, column, model.prior)
+        density = _density(arrays, tree, maps, nodes, particle, tile, row, column, model.prior)
         if next_x < next_y:
             leave, next_x, column = next_x, next_x + delta_x, column + across
         else:
@@ -210,7 +210,7 @@ def beam_likelihood(
 def weigh_samples(
     arrays: MapArrays,
     tree: TreeArrays,
-    local: LocalMap,
+    maps: ParticleMaps,
     nodes: int,
     samples: np.ndarray,
     parents: np.ndarray,
@@ -227,7 +227,7 @@ def weigh_samples(
     Args:
         arrays: The map.
         tree: The tree, in order.
-        local: The local map.
+        maps: The particles' maps.
         nodes: Number of nodes.
         samples: The samples' poses (samples, 3).
         parents: The particle that each sample comes from (samples,).
@@ -245,10 +245,10 @@ def weigh_samples(
                 if logs[i] < least:
                     logs[i] = -math.inf
                     continue
-                if local.rows[0] + reserve > len(local.squares):
-                    clear_local_map(arrays, local)
+                if maps.rows[0] + reserve > len(maps.squares):
+                    clear_particle_maps(arrays, maps)
                 logs[i] += _log_likelihood(
-                    arrays, tree, local, nodes, parents[i], samples[i], beams, model, first, phase
+                    arrays, tree, maps, nodes, parents[i], samples[i], beams, model, first, phase
                 )
                 best = max(best, logs[i])
             least = best - model.cull
@@ -261,7 +261,7 @@ def weigh_samples(
 def _log_likelihood(
     arrays: MapArrays,
     tree: TreeArrays,
-    local: LocalMap,
+    maps: ParticleMaps,
     nodes: int,
     particle: int,
     pose: np.ndarray,
@@ -286,7 +286,7 @@ def _log_likelihood(
         uy = sin * beams.directions[k, 0] + cos * beams.directions[k, 1]
         ray, section = (x, y, ux, uy), (begin, end)
         likelihood = beam_likelihood(
-            arrays, tree, local, nodes, particle, ray, section, measured, stopped, model
+            arrays, tree, maps, nodes, particle, ray, section, measured, stopped, model
         )
         total += math.log(max(likelihood, model.floor))
     return total

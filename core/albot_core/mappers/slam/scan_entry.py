@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 
 from albot_core.kernels.compiled import kernel, scratch
-from albot_core.mappers.slam.ancestry import LocalMap, clear_local_map, fill_local_map
+from albot_core.mappers.slam.ancestry import ParticleMaps, clear_particle_maps, fill_particle_maps
 from albot_core.mappers.slam.observations import (
     CHUNK,
     SIZES,
@@ -32,7 +32,7 @@ _block_counts = scratch(SIZES, kind=types.int64)
 def enter_scan(
     arrays: MapArrays,
     tree: TreeArrays,
-    local: LocalMap,
+    maps: ParticleMaps,
     nodes: int,
     particle: int,
     node: int,
@@ -48,14 +48,14 @@ def enter_scan(
     Args:
         arrays: The map, with enough free tiles.
         tree: The tree, in order.
-        local: The local map.
+        maps: The particles' maps.
         nodes: Number of nodes.
         particle: The parent particle of the node, whose earlier knowledge is used.
         node: The node.
         pose: x, y, heading of the robot (3,).
         beams: The scan.
         model: The laser model.
-        seen: Zeros for every row of the local map: beams stopped and distance (slots, 2); zeros
+        seen: Zeros for every row of the maps: beams stopped and distance (slots, 2); zeros
             again at the end.
         touched: Scratch buffer, one number per row.
         lacking: Number of places for observations and of free chunks needed (2,), filled in.
@@ -63,8 +63,8 @@ def enter_scan(
     Returns:
         Whether the scan was entered. If not, there was too little room, and nothing has changed.
     """
-    if local.rows[0] + slots_needed(len(beams.lengths), model) > len(local.squares):
-        clear_local_map(arrays, local)
+    if maps.rows[0] + slots_needed(len(beams.lengths), model) > len(maps.squares):
+        clear_particle_maps(arrays, maps)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x0 = pose[0] + cos * beams.eye[0] - sin * beams.eye[1]
     y0 = pose[1] + sin * beams.eye[0] + cos * beams.eye[1]
@@ -79,7 +79,7 @@ def enter_scan(
             leave = min(next_x, next_y, end)
             is_hit = leave == end and beams.stopped[k]
             if leave - at > SLIVER or is_hit:
-                slot = _made_slot(arrays, tree, local, nodes, row, column)
+                slot = _made_slot(arrays, tree, maps, nodes, row, column)
                 if seen[slot, 1] == 0.0:
                     touched[count] = slot
                     count += 1
@@ -90,9 +90,9 @@ def enter_scan(
                 column, next_x = column + across, next_x + delta_x
             else:
                 row, next_y = row + up, next_y + delta_y
-    is_entered = _has_room(arrays, local, touched[:count], lacking)
+    is_entered = _has_room(arrays, maps, touched[:count], lacking)
     if is_entered:
-        _add_seen(arrays, tree, local, particle, node, seen, touched[:count], model.prior_distance)
+        _add_seen(arrays, tree, maps, particle, node, seen, touched[:count], model.prior_distance)
     for k in range(count):
         seen[touched[k], 0] = seen[touched[k], 1] = 0.0
     return is_entered
@@ -100,13 +100,13 @@ def enter_scan(
 
 @kernel()
 def _made_slot(
-    arrays: MapArrays, tree: TreeArrays, local: LocalMap, nodes: int, row: int, column: int
+    arrays: MapArrays, tree: TreeArrays, maps: ParticleMaps, nodes: int, row: int, column: int
 ) -> int:
-    """Return a square's row in the local map; make the square's tile if necessary."""
+    """Return a square's row in the maps; make the square's tile if necessary."""
     square = made_square_at(arrays, row, column)
     slot = arrays.slot[square]
     if slot == 0:
-        slot = fill_local_map(arrays, tree, local, nodes, square)
+        slot = fill_particle_maps(arrays, tree, maps, nodes, square)
     return int(abs(slot))
 
 
@@ -114,7 +114,7 @@ def _made_slot(
 def _add_seen(
     arrays: MapArrays,
     tree: TreeArrays,
-    local: LocalMap,
+    maps: ParticleMaps,
     particle: int,
     node: int,
     seen: np.ndarray,
@@ -125,11 +125,11 @@ def _add_seen(
     # For most nodes this is the first scan.
     has_observed = tree.chunk[node] != NONE
     for slot in slots:
-        stopped, distance = local.beams[slot, particle, 0], local.beams[slot, particle, 1]
+        stopped, distance = maps.beams[slot, particle, 0], maps.beams[slot, particle, 1]
         if distance == 0.0:
             # The prior of an unobserved square counts as some distance, but no stopped beam.
             distance = np.float32(prior_distance)
-        square = local.squares[slot]
+        square = maps.squares[slot]
         own = own_observation(arrays, square, node) if has_observed else NONE
         if own == NONE:
             add_observation(
@@ -141,14 +141,16 @@ def _add_seen(
 
 
 @kernel()
-def _has_room(arrays: MapArrays, local: LocalMap, slots: np.ndarray, lacking: np.ndarray) -> bool:
+def _has_room(
+    arrays: MapArrays, maps: ParticleMaps, slots: np.ndarray, lacking: np.ndarray
+) -> bool:
     """Return whether there is room for one more observation of each of these squares."""
     # Number of blocks of each size needed in addition to the free ones.
     blocks = _block_counts()
     for size in range(SIZES):
         blocks[size] = -arrays.free_counts[size]
     for k in range(len(slots)):
-        square = local.squares[slots[k]]
+        square = maps.squares[slots[k]]
         if arrays.first[square] == NONE:
             blocks[0] += 1
         elif arrays.counts[square] == 2 << arrays.size[square]:

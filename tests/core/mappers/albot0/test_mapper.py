@@ -71,8 +71,8 @@ def test_the_robot_notices_that_it_has_turned_round():
     noticed = next(k for k in range(OUTWARD, len(TAKEN)) if led(k).is_returning)
     assert 36.5 - WAY[noticed - 1, 0] < 0.6
     assert led(noticed).estimate.place == 4
-    told = Albot0Config(paths=PathConfig(detects_return=False))
-    assert not led(len(TAKEN), told).is_returning
+    config = Albot0Config(paths=PathConfig(detects_return=False))
+    assert not led(len(TAKEN), config).is_returning
 
 
 @pytest.mark.parametrize("is_told", [True, False])

@@ -16,7 +16,7 @@ from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.albot0.split_and_merge import (
-    Journey,
+    StepMeasures,
     homogeneity,
     regularisation,
     residual,
@@ -47,14 +47,14 @@ def split(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
     return split_journey(steps.lines, widths.sum(axis=1), steps.begins, ground, CONFIG)
 
 
-def journey_of(lines: np.ndarray, widths: np.ndarray) -> Journey:
+def measures_of(lines: np.ndarray, widths: np.ndarray) -> StepMeasures:
     """What split and merge works on."""
     steps, ground = steps_of(lines, widths), Ground()
     ground.add(steps.swaths)
     starts, faces, areas = ground.index
     lengths, seen = np.hypot(*(lines[:, 2:] - lines[:, :2]).T), np.zeros(len(areas) + 1, np.int64)
     ways = lines[:, 2:] - lines[:, :2]
-    return Journey(ways, lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
+    return StepMeasures(ways, lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
 
 
 def straight(widths: list[float]) -> Regions:
@@ -104,10 +104,10 @@ def test_a_doorway_between_two_rooms_keeps_its_split_points():
 def test_no_region_would_have_to_be_split_again(seed):
     lines, widths = wandering(seed)
     widths[np.random.default_rng(seed).integers(0, len(widths), 3)] = 0.4
-    journey, regions = journey_of(lines, widths), split(lines, widths)
+    measures, regions = measures_of(lines, widths), split(lines, widths)
     before, after = np.empty((2, 2, len(lines)))
     for first, last in pairwise(regions.splits.tolist()):
-        _, greatest = residual(journey, LEAST, first, last, before, after)
+        _, greatest = residual(measures, LEAST, first, last, before, after)
         assert greatest <= CONFIG.threshold
 
 
@@ -115,10 +115,10 @@ def test_ground_that_two_steps_share_counts_once():
     """To and fro along 5 m, 2 m wide: the way back adds nothing, and then there are 3 m more."""
     x = np.array((0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0, -1, -2, -3), float)
     zero = np.zeros(len(x) - 1)
-    journey = journey_of(np.stack((x[:-1], zero, x[1:], zero), axis=1), np.ones((13, 2)))
+    measures = measures_of(np.stack((x[:-1], zero, x[1:], zero), axis=1), np.ones((13, 2)))
     before, after = np.empty((2, 2, 13))
     for _ in range(2):  # Each sum begins anew.
-        residual(journey, LEAST, 0, 13, before, after)
+        residual(measures, LEAST, 0, 13, before, after)
         once = [2, 4, 6, 8, 10, 10, 10, 10, 10, 10, 12, 14, 16]
         np.testing.assert_allclose(before[0], once, atol=0.05)
         back = [16, 16, 16, 16, 16, 16, 14, 12, 10, 8, 6, 4, 2]

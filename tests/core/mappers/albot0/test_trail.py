@@ -223,7 +223,7 @@ def test_an_echo_field_without_echoes_knows_nothing():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "words"),
     [
         ("weights", (0.6, 0.6, 0.6), "shares that sum to 1"),
         ("weights", (1.2, -0.1, -0.1), "numbers above 0"),
@@ -235,7 +235,7 @@ def test_an_echo_field_without_echoes_knows_nothing():
         ("lines", 0.0, "lengths as the odometer has them"),
     ],
 )
-def test_a_state_that_no_trail_has_is_refused(name, value, told):
+def test_a_state_that_no_trail_has_is_refused(name, value, words):
     config, way = TrailConfig(particles=3), steps_along((0, 0), (4, 0))
     trail = Trail(config, RNG(0))
     trail.extend(way)
@@ -247,7 +247,7 @@ def test_a_state_that_no_trail_has_is_refused(name, value, told):
     again._set_state(state)
     np.testing.assert_array_equal(again.frame, trail.frame)
     state[f"trail.{name}"][:] = value
-    with pytest.raises(InputError, match=f"^trail.{name}: expected {told}"):
+    with pytest.raises(InputError, match=f"^trail.{name}: expected {words}"):
         schema.check(state, readings=99, **again._sizes())
 
 

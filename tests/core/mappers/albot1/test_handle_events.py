@@ -7,12 +7,6 @@ import pytest
 
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.handle_events import handle_events
-from albot_core.mappers.albot1.perceptual_map.mapping import (
-    INCONSISTENT,
-    STEP,
-    UPDATED_AT,
-    UPDATES,
-)
 from albot_core.mappers.albot1.step import CROSSED, KIDNAPPED
 from albot_core.sensing.reading import Readings
 from tests.core.scenes import ROOM, scan_from
@@ -31,11 +25,11 @@ def test_the_view_with_which_a_visit_begins_is_the_last_laid_over_the_map(event:
         batch.update(np.array([0]), still)
     robot = batch._robot(0)
     robot.exits.crossing[:] = (2.0, -0.5, 2.0, 0.5, 1.0)
-    robot.progress[INCONSISTENT] = 2
-    updates = int(robot.progress[UPDATES])
+    robot.progress["inconsistent"] = 2
+    updates = int(robot.progress["updates"])
     handle_events(robot, event, batch.config.limits)
-    assert robot.progress[STEP] == 3
-    assert robot.progress[UPDATED_AT] == 2  # Views are counted from 0.
-    assert robot.progress[UPDATES] == updates + 1
-    assert robot.progress[INCONSISTENT] == 0
+    assert robot.progress["step"] == 3
+    assert robot.progress["updated_at"] == 2  # Views are counted from 0.
+    assert robot.progress["updates"] == updates + 1
+    assert robot.progress["inconsistent"] == 0
     assert len(robot.network.visits) == 3

@@ -267,8 +267,10 @@ def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
         if spaced.state()["progress"][0] > views:
             seldom.update(Reading(stamp=reading.stamp, motion=since, laser=reading.laser))
             since, views = np.zeros(3), views + 1
-        told = [[(e.step, e.kind, e.place, e.other) for e in m.events] for m in (spaced, seldom)]
-        assert told[0] == told[1]
+        histories = [
+            [(e.step, e.kind, e.place, e.other) for e in m.events] for m in (spaced, seldom)
+        ]
+        assert histories[0] == histories[1]
         assert (not spaced.estimate.localised) == (not seldom.estimate.localised)
         np.testing.assert_allclose(
             spaced.estimate.pose, compose(seldom.estimate.pose, since), atol=1e-9

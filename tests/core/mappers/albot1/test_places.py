@@ -133,7 +133,7 @@ def test_a_batch_does_what_a_single_one_does(noisy):
     for row, single in enumerate(singles):
         same_state(batch.state(row), single.state())
         home = compose(single.estimate.pose, single.estimate.home_from_robot)
-        np.testing.assert_allclose(batch.homes[row], home, atol=1e-12)
+        np.testing.assert_allclose(batch.homes_in_map[row], home, atol=1e-12)
         batch.find_ways(np.array([row]))
         np.testing.assert_array_equal(batch.ways_home[row], single.way_home)
     # The second was reset half-way, and readings with their motions are left out of its walk.

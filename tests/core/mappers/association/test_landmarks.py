@@ -140,8 +140,8 @@ def test_directions_count_by_the_inverse_of_their_variance():
 
 
 def test_the_shorter_a_surface_the_less_it_tells():
-    told = [compiled.variances(length, 5.0) for length in (0.5, 1.0, 3.0, 5.0)]
-    assert (np.diff(told, axis=0) < 0).all()
+    variances = [compiled.variances(length, 5.0) for length in (0.5, 1.0, 3.0, 5.0)]
+    assert (np.diff(variances, axis=0) < 0).all()
 
 
 def test_of_two_walls_that_contradict_each_other_the_one_with_less_slack_counts():

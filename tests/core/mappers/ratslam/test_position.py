@@ -30,10 +30,10 @@ def between_two(smoothing: float) -> Position:
     return position
 
 
-def enter(position: Position, experience: int, told: float) -> float:
+def enter(position: Position, experience: int, shift: float) -> float:
     """Enter an experience of which the pose cells tell; where the robot is in it then."""
     position.iteration += 1
-    offset = (told, 0.0, 0.0)
+    offset = (shift, 0.0, 0.0)
     entry = position.smoothed(experience, offset)
     position.enter(experience, *entry, is_new=False)
     return position.here[0]
@@ -46,30 +46,30 @@ def test_what_the_pose_cells_say_is_averaged_over_the_experiences_entered():
     assert enter(position, 0, 0.2) == pytest.approx(0.2)  # At first they are believed alone.
     x = 0.2
     for k, share in enumerate((1 / 2, 1 / 3, 1 / 4, 1 / 4, 1 / 4)):
-        told = 0.8
-        here = enter(position, (k + 1) % 2, told - (k + 1) % 2)
-        x += share * (told - x)
+        shift = 0.8
+        here = enter(position, (k + 1) % 2, shift - (k + 1) % 2)
+        x += share * (shift - x)
         assert here + (k + 1) % 2 == pytest.approx(x)
 
 
 def test_without_smoothing_the_pose_cells_are_believed():
     position = between_two(1.0)
-    for told in (0.3, -0.2, 0.4):
-        assert enter(position, 0, told) == pytest.approx(told)
+    for shift in (0.3, -0.2, 0.4):
+        assert enter(position, 0, shift) == pytest.approx(shift)
 
 
-@pytest.mark.parametrize("told", [(1.9, 0.0, 0.0), (0.0, 0.0, 1.5)])
-def test_far_from_where_it_is_expected_they_are_believed_too(told: tuple[float, float, float]):
+@pytest.mark.parametrize("shift", [(1.9, 0.0, 0.0), (0.0, 0.0, 1.5)])
+def test_far_from_where_it_is_expected_they_are_believed_too(shift: tuple[float, float, float]):
     """And the mean begins anew."""
     position = between_two(0.25)
     position.integrate((-0.5, 0.0, 0.0), 2.0)
     for _ in range(5):
         enter(position, 0, 0.5)
-    assert position.smoothed(0, told) == (told, 1.0)
+    assert position.smoothed(0, shift) == (shift, 1.0)
     position.iteration += 1
-    position.enter(0, told, 1.0, is_new=False)
-    offset, weight = position.smoothed(0, (told[0] + 0.4, 0.0, told[2]))
-    assert offset[0] == pytest.approx(told[0] + 0.2)
+    position.enter(0, shift, 1.0, is_new=False)
+    offset, weight = position.smoothed(0, (shift[0] + 0.4, 0.0, shift[2]))
+    assert offset[0] == pytest.approx(shift[0] + 0.2)
     assert weight == pytest.approx(0.5)
 
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.mappers.slam.ancestry import (
     add_node,
-    fill_local_map,
-    make_local_map,
+    fill_particle_maps,
+    make_particle_maps,
     order_nodes,
     prune,
 )
@@ -134,20 +134,20 @@ class Filter:
 @st.composite
 def generations(draw):
     """What happens in a run: how many descendants each particle has, and what each sees then."""
-    count, told = 1, []
+    count, knowledge = 1, []
     for _ in range(draw(st.integers(1, 12))):
         parents = draw(st.lists(st.integers(0, count - 1), min_size=1, max_size=MOST))
         descendants = np.bincount(parents, minlength=count).tolist()
         count = sum(descendants)
         square = st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.floats(0.01, 1.0))
         seen = draw(st.lists(st.lists(square, max_size=4), min_size=count, max_size=count))
-        told.append((descendants, seen))
-    return told
+        knowledge.append((descendants, seen))
+    return knowledge
 
 
-def led(told) -> Filter:
+def led(knowledge) -> Filter:
     filtered = Filter()
-    for descendants, seen in told:
+    for descendants, seen in knowledge:
         filtered.resample(descendants)
         for particle, squares in enumerate(seen):
             for row, column, distance in squares:
@@ -158,8 +158,8 @@ def led(told) -> Filter:
 
 @settings(max_examples=150, deadline=None)
 @given(generations())
-def test_each_particle_knows_what_it_would_in_a_map_of_its_own(told):
-    led(told).check()
+def test_each_particle_knows_what_it_would_in_a_map_of_its_own(knowledge):
+    led(knowledge).check()
 
 
 def random_run(seed: int, rounds: int, squares: int) -> Filter:
@@ -197,28 +197,28 @@ def test_one_survivor_leaves_one_node_and_one_observation_a_square():
 def test_the_local_map_is_what_each_particle_knows():
     filtered = random_run(2, 15, 40)
     arrays, tree = filtered.map.arrays, filtered.map.tree
-    local = make_local_map(8000, MOST)
-    local.nodes[: len(filtered.nodes)] = filtered.nodes
+    maps = make_particle_maps(8000, MOST)
+    maps.nodes[: len(filtered.nodes)] = filtered.nodes
     nodes = order_nodes(tree)
     squares = {s for copy in filtered.copies for s in copy}
     for row, column in squares:
-        slot = fill_local_map(arrays, tree, local, nodes, made_square_at(arrays, row, column))
+        slot = fill_particle_maps(arrays, tree, maps, nodes, made_square_at(arrays, row, column))
         known = [copy.get((row, column), (0.0, 0.0)) for copy in filtered.copies]
-        found = local.beams[abs(slot), : len(known)]
+        found = maps.beams[abs(slot), : len(known)]
         np.testing.assert_array_equal(found, np.array(known, np.float32))
         assert (slot < 0) == all(distance > 0 and stopped == 0 for stopped, distance in known)
-    assert local.rows[0] == 1 + len(squares)
+    assert maps.rows[0] == 1 + len(squares)
 
 
 def test_a_square_that_is_empty_for_all_is_marked():
     filtered = Filter()
     filtered.observe(0, 0, 0, 1.0)
     filtered.map.arrays.beams[filtered.map.arrays.first[0], 0] = 0.0
-    local = make_local_map(10, MOST)
-    local.nodes[0] = 0
+    maps = make_particle_maps(10, MOST)
+    maps.nodes[0] = 0
     arrays, tree = filtered.map.arrays, filtered.map.tree
     square = made_square_at(arrays, 0, 0)
-    assert fill_local_map(arrays, tree, local, order_nodes(tree), square) == -1
+    assert fill_particle_maps(arrays, tree, maps, order_nodes(tree), square) == -1
 
 
 def test_what_is_restored_is_the_same_map():

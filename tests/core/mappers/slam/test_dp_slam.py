@@ -32,8 +32,8 @@ def drive(count: int, laser: LaserGeometry = LASER) -> list[Reading]:
     pose, readings = np.array((-2.0, -1.0, 0.3)), []
     for k in range(count):
         step = np.array((0.2, 0.0, 0.15 if k else 0.0))
-        told = step + np.array((0.0, 0.0, 0.02))
-        readings.append(reading_from(pose, told if k else np.zeros(3), ROOM, laser))
+        measured = step + np.array((0.0, 0.0, 0.02))
+        readings.append(reading_from(pose, measured if k else np.zeros(3), ROOM, laser))
         pose = compose(pose, step)
     return readings
 

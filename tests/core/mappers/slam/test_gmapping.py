@@ -22,13 +22,13 @@ def test_a_guess_that_is_off_to_any_side_is_mended(heading):
     particles.poses[:] = true
     particles.integrate(scan_from(true))
     points, _ = matched_points(scan_from(true), config.grid.reach, config.beams.spacing)
-    scores, logs = beam_tables(config.beams, config.grid.cell)
+    tables = beam_tables(config.beams, config.grid.cell)
     search = Search(0.05, 0.05, 5, config.samples, 0.02, np.radians(0.5), config.least_score)
     for particle, off in enumerate(offs):
         particles.poses[:] = true
         draw_poses(
             particles.pool.arrays, particles.index, particles.corner, config.grid.cell, points,
-            off, np.full(3, 0.2), np.zeros((len(offs), 3)), scores, logs, search, particles.poses,
+            off, np.full(3, 0.2), np.zeros((len(offs), 3)), tables, search, particles.poses,
             np.zeros(len(offs)),
         )  # fmt: skip
         # To half a cell: one scan leaves the map no finer.

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.slam.ancestry import make_local_map, order_nodes
+from albot_core.mappers.slam.ancestry import make_particle_maps, order_nodes
 from albot_core.mappers.slam.distributed_map import DistributedMap
 from albot_core.mappers.slam.dp_slam_config import DpSlamConfig
 from albot_core.mappers.slam.opacity import SLIVER, Beams, beam_likelihood
@@ -28,8 +28,8 @@ class OneMap:
     def __init__(self) -> None:
         self.map = DistributedMap(2, CONFIG.cell)
         self.map.reserve_tiles(np.array((-3, -3)), np.array((4, 4)))
-        self.local = make_local_map(20_000, 2)
-        self.local.nodes[0] = 0
+        self.maps = make_particle_maps(20_000, 2)
+        self.maps.nodes[0] = 0
 
     def enter(self, x: float, y: float, heading: float, length: float, *, stopped: bool) -> None:
         beams = Beams(
@@ -38,25 +38,25 @@ class OneMap:
             stopped=np.array((stopped,)),
             eye=np.zeros(2),
         )
-        self.local.rows[0] = 1
+        self.maps.rows[0] = 1
         self.map.arrays.slot[:] = 0
         nodes, lacking = order_nodes(self.map.tree), np.zeros(2, np.int64)
         seen, touched = np.zeros((20_000, 2)), np.empty(20_000, np.int32)
         pose = np.array((x, y, heading))
         while not enter_scan(
-            self.map.arrays, self.map.tree, self.local, nodes, 0, 0, pose, beams, MODEL,
+            self.map.arrays, self.map.tree, self.maps, nodes, 0, 0, pose, beams, MODEL,
             seen, touched, lacking,
         ):  # fmt: skip
             self.map.reserve_observations(*lacking.tolist())
         assert not seen.any()
 
     def likelihood(self, x, y, heading, measured, *, stopped=True, begin=0.0, end=None) -> float:
-        self.local.rows[0] = 1
+        self.maps.rows[0] = 1
         self.map.arrays.slot[:] = 0
         ray = (x, y, math.cos(heading), math.sin(heading))
         end = min(measured + MODEL.beyond, MODEL.reach) if end is None else end
         return _likelihood(
-            self.map.arrays, self.map.tree, self.local, 1, ray, (begin, end), measured, stopped,
+            self.map.arrays, self.map.tree, self.maps, 1, ray, (begin, end), measured, stopped,
             MODEL,
         )  # fmt: skip
 
@@ -68,9 +68,9 @@ class OneMap:
 
 
 @kernel()
-def _likelihood(arrays, tree, local, nodes, ray, section, measured, is_stopped, model):
+def _likelihood(arrays, tree, maps, nodes, ray, section, measured, is_stopped, model):
     return beam_likelihood(
-        arrays, tree, local, nodes, 0, ray, section, measured, is_stopped, model
+        arrays, tree, maps, nodes, 0, ray, section, measured, is_stopped, model
     )  # fmt: skip
 
 

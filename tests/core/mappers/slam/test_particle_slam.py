@@ -59,13 +59,13 @@ def _drawn(points: np.ndarray, deviations: np.ndarray, off: np.ndarray, **change
         particles.poses[:] = pose
         particles.integrate(scan_from(pose))
     particles.poses[:] = 0.0
-    scores, logs = beam_tables(config.beams, config.grid.cell)
+    tables = beam_tables(config.beams, config.grid.cell)
     search = Search(0.05, 0.05, 5, config.samples, 0.02, np.radians(0.5), config.least_score)
     noise = np.random.default_rng(0).standard_normal((1000, 3))
     weights = np.zeros(1000)
     draw_poses(
         particles.pool.arrays, particles.index, particles.corner, config.grid.cell, points,
-        true + off, deviations, noise, scores, logs, search, particles.poses, weights,
+        true + off, deviations, noise, tables, search, particles.poses, weights,
     )  # fmt: skip
     return particles.poses, weights, true
 

@@ -18,6 +18,8 @@ algorithm 2. `albot1` uses `submap_matching.match_submap` in place of both, and 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import types
 
@@ -60,12 +62,26 @@ from albot_core.matching.lines import line_length, wrap
 from albot_core.sensing.beam_model import BeamModel
 from albot_core.sensing.view import NO_EDGE
 
-STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
+MAPPING_PROGRESS = np.dtype(
+    [
+        ("step", np.int64),  # views taken in
+        ("updated_at", np.int64),  # the view last laid over the map (the thesis's ustep)
+        ("updates", np.int64),  # how often a view was laid over it
+        ("unrecognized", np.int64),  # views without any recognised landmark
+        ("inconsistent", np.int64),  # latest views in a row that contradict the robot's pose
+    ]
+)
 """Elements of `progress`: number of views processed; the view last laid over the map (the thesis's
 ustep); number of views laid over the map; number of views without any recognised landmark; number
 of latest views in a row that contradict the robot's estimated pose."""
-
-END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
+LANDMARK_PAIR = np.dtype(
+    [
+        ("end", np.int64),  # which end was recognised
+        ("gap", np.float64),  # how far it is from where it was expected (m)
+        ("angle", np.float64),  # how far the surface is turned from what was expected (rad)
+        ("distance", np.float64),  # the end's distance from the robot in the previous view (m)
+    ]
+)
 """Columns of `pairs`, one row for each recognised landmark: the end by which it was recognised, the
 distance of that end from where it was expected (m), the angle between the surface and the expected
 one (rad), and the end's distance from the robot in the previous view (m)."""
@@ -112,8 +128,9 @@ def recognize_landmarks(
                 continue
             current.slots[j] = previous.slots[i]  # Alg. 1, lines 8 and 9
             x, y = previous.surfaces[i, 2 * end], previous.surfaces[i, 2 * end + 1]
-            pairs[j, END], pairs[j, GAP], pairs[j, ANGLE] = end, gap, angle
-            pairs[j, DISTANCE] = np.sqrt(x * x + y * y)
+            pair = pairs[j]
+            pair.end, pair.gap, pair.angle = end, gap, angle
+            pair.distance = np.sqrt(x * x + y * y)
     recognized = 0
     for j in range(current.size[0]):
         recognized += current.slots[j] != NOT_RECOGNIZED
@@ -155,7 +172,7 @@ def localize(
     for j in range(room):
         if current.slots[j] != NOT_RECOGNIZED:
             remembered = pm.surfaces[current.slots[j]]
-            _pose_by_landmark(remembered, current.surfaces[j], int(pairs[j, END]), poses[found])
+            _pose_by_landmark(remembered, current.surfaces[j], pairs[j].end, poses[found])
             which[found] = j
             found += 1
     mean_x = mean_y = variance = 0.0
@@ -171,8 +188,9 @@ def localize(
         j = which[k]
         goodness = line_length(current.surfaces[j])
         if not longest:  # Eq. (3.5); perfect agreement would divide by zero.
-            goodness /= max(pairs[j, DISTANCE], TINY)
-            goodness /= max(pairs[j, GAP], TINY) * max(pairs[j, ANGLE], TINY)
+            pair = pairs[j]
+            goodness /= max(pair.distance, TINY)
+            goodness /= max(pair.gap, TINY) * max(pair.angle, TINY)
         if goodness > best:  # Alg. 2, line 1
             best = goodness
             for i in range(3):
@@ -304,7 +322,7 @@ def map_step(
     current: LocatedView,
     motion: np.ndarray,
     limits: Albot1Limits,
-    progress: np.ndarray,
+    progress: Any,
     odometer: np.ndarray,
     beam_model: BeamModel,
     buffers: MatchBuffers,
@@ -314,8 +332,8 @@ def map_step(
     Not in the thesis: an inconsistent view waits until the next one confirms it. A misread view
     must not be laid over the map, because what it covers is forgotten.
     """
-    step = progress[STEP]
-    progress[STEP] += 1
+    step = progress.step
+    progress.step += 1
     recognized, agreement = 0, 0.0
     note_motion(odometer, motion)
     if step == 0:  # Alg. 4, lines 5 to 8
@@ -329,24 +347,24 @@ def map_step(
                 recognized, agreement = match_submap(pm, pair)
             else:  # Alg. 4, lines 11, 14 and 19
                 recognized = _recognize_and_localize(pm, previous, current, motion, limits, buffers)
-            is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0
+            is_laid = progress.updated_at >= step - 1 or progress.inconsistent > 0
             if recognized >= limits.min_landmarks or is_laid:  # Alg. 4, lines 12 and 13
                 break
             update_map(pm, previous, limits)  # Alg. 4, lines 18 to 23: back to line 11
-            progress[UPDATED_AT] = step - 1
-            progress[UPDATES] += 1
+            progress.updated_at = step - 1
+            progress.updates += 1
         if recognized == 0:
-            progress[UNRECOGNIZED] += 1
+            progress.unrecognized += 1
         if limits.submap_matching:
-            is_sure, was_misread = agreement >= limits.unsure, progress[INCONSISTENT] > 0
+            is_sure, was_misread = agreement >= limits.unsure, progress.inconsistent > 0
             learn_error(odometer, previous.pose, motion, current.pose, is_sure, was_misread)
             _check_consistency(previous, current, motion, agreement, odometer, progress, limits)
-    if progress[INCONSISTENT] == 1:
+    if progress.inconsistent == 1:
         return
     if recognized < limits.min_landmarks:  # Alg. 4, lines 13 to 17
         update_map(pm, current, limits)
-        progress[UPDATED_AT] = step
-        progress[UPDATES] += 1
+        progress.updated_at = step
+        progress.updates += 1
 
 
 @kernel()
@@ -356,13 +374,13 @@ def _check_consistency(
     motion: np.ndarray,
     agreement: float,
     odometer: np.ndarray,
-    progress: np.ndarray,
+    progress: Any,
     limits: Albot1Limits,
 ) -> None:
     """Count the inconsistent views, and reset the pose of the first to the one by the odometer."""
-    before = progress[INCONSISTENT]
+    before = progress.inconsistent
     count = inconsistent_views(before, agreement, motion, odometer, previous, current, limits)
-    progress[INCONSISTENT] = count
+    progress.inconsistent = count
     if count == 1 and odometer[HAS_MOVED] > 0.0:
         compose_pose(previous.pose, motion, current.pose)
 
@@ -377,13 +395,13 @@ def _recognize_and_localize(
     buffers: MatchBuffers,
 ) -> int:
     """Run algorithms 1 and 2; without a landmark path integration stands in (section 3.2.1)."""
-    pairs, turned = np.empty((current.size[0], 4)), motion.copy()
+    pairs, turned = np.empty(current.size[0], LANDMARK_PAIR), motion.copy()
     if limits.joint_landmarks:
         turned[2] += search_turn(previous, current, motion, limits, buffers)
         compose_pose(previous.pose, turned, current.pose)
     recognized = recognize_landmarks(previous, current, turned, limits, pairs)
     if recognized > 0 and limits.joint_landmarks:
-        localize_jointly(pm, current, pairs[:, END], limits)
+        localize_jointly(pm, current, pairs, limits)
     elif recognized > 0:
         localize(pm, current, pairs, limits.longest_landmark)
     return int(recognized)

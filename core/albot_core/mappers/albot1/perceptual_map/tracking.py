@@ -62,7 +62,7 @@ def search_turn(
 
 @kernel(arrays=True)
 def localize_jointly(
-    pm: PerceptualMap, current: LocatedView, ends: np.ndarray, limits: Albot1Limits
+    pm: PerceptualMap, current: LocatedView, pairs: np.ndarray, limits: Albot1Limits
 ) -> None:
     """Move `current.pose` so that the recognised landmarks lie on their surfaces in the map.
 
@@ -82,7 +82,7 @@ def localize_jointly(
         row[8], row[9] = np.hypot(row[0], row[1]), np.hypot(row[2], row[3])
         seen_from(pose, cos, sin, pm.surfaces[current.slots[k]], from_here)
         describe(from_here, expected[found])
-        sides[found] = int(ends[k])
+        sides[found] = pairs[k].end
         found += 1
     correction = np.zeros(3)
     for _ in range(ITERATIONS):

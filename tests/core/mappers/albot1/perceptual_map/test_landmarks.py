@@ -8,7 +8,7 @@ import pytest
 from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.perceptual_map.frames import seen_from
-from albot_core.mappers.albot1.perceptual_map.mapping import ANGLE, END, GAP, recognize_landmarks
+from albot_core.mappers.albot1.perceptual_map.mapping import LANDMARK_PAIR, recognize_landmarks
 from albot_core.mappers.albot1.perceptual_map.memory import NOT_RECOGNIZED, LocatedView, empty_view
 from albot_core.sensing.view import CORNER, NO_EDGE
 
@@ -26,9 +26,14 @@ def sight_of(surfaces: np.ndarray, ends: tuple[int, int] = (CORNER, CORNER)) -> 
     return view
 
 
+def no_pairs() -> np.ndarray:
+    """Room for what tells of four landmarks."""
+    return np.zeros(4, LANDMARK_PAIR)
+
+
 def recognized(motion: np.ndarray, seen: np.ndarray, **ends: tuple[int, int]) -> list[int]:
     current = sight_of(seen, **ends)
-    count = recognize_landmarks(sight_of(WALLS), current, motion, LIMITS, np.zeros((4, 4)))
+    count = recognize_landmarks(sight_of(WALLS), current, motion, LIMITS, no_pairs())
     slots = current.slots[: len(seen)].tolist()
     assert count == sum(slot != NOT_RECOGNIZED for slot in slots)
     return slots
@@ -77,13 +82,13 @@ def test_what_was_not_recognised_before_is_not_recognised_now() -> None:
     previous = sight_of(WALLS)
     previous.slots[0] = NOT_RECOGNIZED
     current = sight_of(WALLS)
-    assert recognize_landmarks(previous, current, np.zeros(3), LIMITS, np.zeros((4, 4))) == 1
+    assert recognize_landmarks(previous, current, np.zeros(3), LIMITS, no_pairs()) == 1
 
 
 def test_the_evidence_is_measured() -> None:
-    pairs = np.zeros((4, 4))
+    pairs = no_pairs()
     seen = WALLS + np.array([0.1, 0.0, 0.2, 0.0])
     recognize_landmarks(sight_of(WALLS), sight_of(seen), np.zeros(3), LIMITS, pairs)
-    assert pairs[0, END] == 0
-    assert pairs[0, GAP] == pytest.approx(0.1)
-    assert pairs[0, ANGLE] == pytest.approx(np.arctan2(0.1, 1.5))
+    assert pairs[0]["end"] == 0
+    assert pairs[0]["gap"] == pytest.approx(0.1)
+    assert pairs[0]["angle"] == pytest.approx(np.arctan2(0.1, 1.5))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import inverse, transform_segments
-from albot_core.mappers.albot1.perceptual_map.mapping import localize
+from albot_core.mappers.albot1.perceptual_map.mapping import LANDMARK_PAIR, localize
 from albot_core.mappers.albot1.perceptual_map.memory import (
     LocatedView,
     PerceptualMap,
@@ -34,7 +34,7 @@ def scene(
     view.surfaces[: len(walls)] = transform_segments(inverse(pose), walls)
     view.slots[: len(walls)] = np.arange(len(walls))
     view.size[0] = len(walls)
-    pairs = np.tile([0.0, 0.1, 0.01, 2.0], (8, 1))
+    pairs = np.full(8, np.array((0, 0.1, 0.01, 2.0), LANDMARK_PAIR))
     return pm, view, pairs
 
 
@@ -45,7 +45,7 @@ def scene(
 )
 def test_a_single_landmark_gives_the_pose_exactly(pose: np.ndarray, end: int) -> None:
     pm, view, pairs = scene(pose, WALLS[:1])
-    pairs[:, 0] = end
+    pairs["end"] = end
     localize(pm, view, pairs)
     assert np.allclose(view.pose, pose, atol=1e-9)
 
@@ -73,7 +73,7 @@ def test_the_point_out_of_line_is_discarded() -> None:
     pose = np.array([0.2, 0.1, 0.3])
     pm, view, pairs = scene(pose)
     view.surfaces[0] += 3.0  # seen where it is not, and praised most
-    pairs[0] = [0.0, 1e-4, 1e-4, 0.5]
+    pairs[0] = (0, 1e-4, 1e-4, 0.5)
     localize(pm, view, pairs)
     assert np.allclose(view.pose, pose, atol=1e-9)
 
@@ -84,7 +84,7 @@ def test_the_highest_goodness_localises() -> None:
     shifts = np.array([0.10, 0.12, 0.12, 0.10])
     view.surfaces[:4, 0] -= shifts
     view.surfaces[:4, 2] -= shifts
-    pairs[2, 1] = 0.01  # ten times smaller a gap: ten times the goodness
+    pairs[2]["gap"] = 0.01  # ten times smaller a gap: ten times the goodness
     localize(pm, view, pairs)
     ahead = (view.pose[:2] - pose[:2]) @ [np.cos(0.3), np.sin(0.3)]
     assert ahead == pytest.approx(0.12, abs=1e-9)
@@ -92,6 +92,6 @@ def test_the_highest_goodness_localises() -> None:
 
 def test_perfect_agreement_divides_by_nothing() -> None:
     pm, view, pairs = scene(np.zeros(3))
-    pairs[:, 1:] = 0.0
+    pairs[:] = 0
     localize(pm, view, pairs)
     assert np.allclose(view.pose, 0.0)

@@ -12,23 +12,23 @@ from albot_core.mappers.albot1.perceptual_map.tracking import localize_jointly
 from tests.core.mappers.albot1.perceptual_map.test_localization import scene
 
 LIMITS = Albot1Config.tracked().limits
-ENDS = np.array((0.0, 1.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (0.3, 0.2, 0.8), (0.2, 0.1, -2.5)])
 def test_the_robot_is_where_all_landmarks_lie_on_the_map(pose: tuple[float, ...]) -> None:
     """But for what the odometer's pose holds it back."""
-    pm, view, _ = scene(np.array(pose))
+    pm, view, pairs = scene(np.array(pose))
+    pairs["end"][:4] = 0, 1, 0, 1
     view.pose[:] = pose
-    localize_jointly(pm, view, ENDS, LIMITS)
+    localize_jointly(pm, view, pairs, LIMITS)
     np.testing.assert_allclose(view.pose, pose, atol=1e-9)
     view.pose[:] = compose(np.array(pose), np.array((0.05, -0.04, 0.03)))
-    localize_jointly(pm, view, ENDS, LIMITS)
+    localize_jointly(pm, view, pairs, LIMITS)
     np.testing.assert_allclose(view.pose, pose, atol=0.02)
 
 
 def test_without_a_landmark_the_robot_is_where_the_odometer_has_it() -> None:
-    pm, view, _ = scene(np.zeros(3))
+    pm, view, pairs = scene(np.zeros(3))
     view.slots[:], view.pose[:] = NOT_RECOGNIZED, (0.3, -0.2, 0.4)
-    localize_jointly(pm, view, ENDS, LIMITS)
+    localize_jointly(pm, view, pairs, LIMITS)
     np.testing.assert_allclose(view.pose, (0.3, -0.2, 0.4))

@@ -55,8 +55,8 @@ def test_one_surface_is_told_of_as_one():
     event = Event(
         step=7, kind=EventKind.REFUSED, place=2, other=4, reobserved=1, gate=1, matches=1, left=1
     )
-    told = "P3 is not taken for P5: 1 surface of P5 was met again, more than 1, but only 1 surface"
-    assert f"{told} is the same (1 to the left" in str(event)
+    text = "P3 is not taken for P5: 1 surface of P5 was met again, more than 1, but only 1 surface"
+    assert f"{text} is the same (1 to the left" in str(event)
 
 
 @pytest.mark.parametrize(
@@ -72,15 +72,15 @@ def test_a_place_may_be_a_candidate_for_where_it_is(needed, why):
 
 
 @pytest.mark.parametrize(
-    ("weighed", "told"),
+    ("weighed", "text"),
     [
         ({"probability": 0.934}, "of the smaller description), with a probability of 93%"),
         ({"through_doorway": 1.0}, "description), seen from both sides of a doorway"),
     ],
 )
-def test_what_was_weighed_is_told(weighed, told):
+def test_what_was_weighed_is_told(weighed, text):
     event = Event(step=7, kind=EventKind.RECOGNIZED, place=2, other=4, **weighed)
-    assert str(event).endswith(told)
+    assert str(event).endswith(text)
 
 
 counts = st.integers(0, 2**31)

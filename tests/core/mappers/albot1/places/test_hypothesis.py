@@ -38,16 +38,16 @@ def test_the_log_odds_add_up():
 def test_the_hypotheses_compete_with_each_other_and_with_unknown_ground():
     all_of_them = weighed([hypothesis(12), hypothesis(9), hypothesis(3)])
     odds = np.exp([one.log_odds for one in all_of_them])
-    told = [one.probability for one in all_of_them]
-    assert told == pytest.approx((odds / (1 + odds.sum())).tolist())
-    assert sum(told) < 1
+    found = [one.probability for one in all_of_them]
+    assert found == pytest.approx((odds / (1 + odds.sum())).tolist())
+    assert sum(found) < 1
     assert weighed(()) == ()
 
 
 def test_odds_beyond_all_numbers_are_certain():
     """Of a thousand walls met: their odds are no floating-point number any more."""
-    told = [one.probability for one in weighed([hypothesis(2000), hypothesis(3)])]
-    assert told == [1.0, 0.0]
+    found = [one.probability for one in weighed([hypothesis(2000), hypothesis(3)])]
+    assert found == [1.0, 0.0]
     assert probability(hypothesis(0, 0.0, 1.0, 10_000)) == 0.0
 
 

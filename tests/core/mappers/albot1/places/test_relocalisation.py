@@ -64,9 +64,9 @@ def test_in_one_of_two_equal_rooms_it_is_lost_until_it_sees_what_tells_them_apar
     network = lost_among(ROOM, np.concatenate((ROOM, ANNEX)))
     assert relocalise(network, 5, sees(ROOM)) is None
     assert network.lost_since
-    told = probabilities(network)
-    assert 0.3 < told[0] < 0.6
-    assert 0.3 < told[1] < 0.6
+    found = probabilities(network)
+    assert 0.3 < found[0] < 0.6
+    assert 0.3 < found[1] < 0.6
     motion = relocalise(network, 6, sees(np.concatenate((ROOM, ANNEX))))
     assert motion is not None
     np.testing.assert_allclose(motion, compose(APART, inverse(CARRIED)), atol=1e-6)
