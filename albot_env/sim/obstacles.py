@@ -101,7 +101,7 @@ class DynamicObstacles:
     def place(self, row: int, world: World, space: PhysicsSpace, pose: Pose, key: int) -> None:
         """Put the obstacles of a world at their starts, after `remove` of the robot's last ones.
 
-        Their bodies are made anew, so that the motion does not depend on earlier episodes.
+        Their bodies are made again, so that the motion does not depend on earlier episodes.
 
         Args:
             row: The robot.

@@ -122,7 +122,7 @@ class PhysicsSpace:
     def place(self, robot: int, pose: tuple[float, float, float]) -> None:
         """Put a robot, new or already in the space, at rest at x, y (m) and heading (rad).
 
-        Robots are numbered from 0. The body is made anew: pymunk keeps impulses of past steps in
+        Robots are numbered from 0. The body is made again: pymunk keeps impulses of past steps in
         joints and contacts, and the motion must not depend on where the robot was before.
         """
         config = self._config

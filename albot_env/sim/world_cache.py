@@ -19,7 +19,7 @@ class WorldCache(Generic[Made]):
     Args:
         robots: Number of robots.
         make: Computes the object of a world.
-        clear: Called before the cache is emptied; objects still in use are then made anew.
+        clear: Called before the cache is emptied; objects still in use are then made again.
     """
 
     def __init__(

@@ -17,7 +17,7 @@ from albot_env.tasks.core.task import Task
 
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
-CLOSED = "{}: it was closed, and is to be made anew"
+CLOSED = "{}: the environment is closed; make a new one"
 """Error text for the use of a closed environment; `{}` is its id."""
 Observation = Float32[np.ndarray, "..."] | Parts
 Robots = TypeVar("Robots", bound=Task)

@@ -96,7 +96,7 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
-        """What it takes by name: types by name."""
+        """Return the types of the settings, by name."""
         return settings_of(cls.__init__, cls.task)
 
     @property

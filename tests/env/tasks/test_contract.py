@@ -280,7 +280,7 @@ def test_stepping_before_a_reset_or_after_the_end_is_an_error(environment: str) 
     env.reset(seed=1)
     env.close()
     env.close()  # Once more is no harm.
-    closed = f"{environment}: it was closed"
+    closed = f"{environment}: the environment is closed"
     with pytest.raises(gymnasium.error.ClosedEnvironmentError, match=closed):
         env.step(quick.still(environment))
     with pytest.raises(gymnasium.error.ClosedEnvironmentError, match=closed):

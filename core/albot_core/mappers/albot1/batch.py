@@ -154,7 +154,7 @@ class Albot1Batch:
         return self._ways_home
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Update the way home of the rows that have moved by AFRESH or whose network has changed.
+        """Update the ways home of robots that have gone on, or whose network has changed.
 
         The next exit is searched only when the network changes, as it does at each exit crossed, so
         that within a place the robot does not turn round for another exit. There is no next exit
