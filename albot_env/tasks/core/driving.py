@@ -89,7 +89,8 @@ class DrivingTask(Task):
         self._threads = ThreadPool(equipment.threads)
         self.ground_laser = sensors.ground_laser.geometry
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
-        observations = observations.fitted(*sensors.geometries)
+        spec = None if mappers is None else mappers.spec
+        observations = observations.fitted(*sensors.geometries, spec)
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
@@ -103,7 +104,7 @@ class DrivingTask(Task):
         )
         self._needs_way_home = observations.needs(Need.WAY_HOME)
         self._builder = ObservationBuilder(
-            robots, observations, self.ground_laser, equipment.robot.radius
+            robots, observations, self.ground_laser, equipment.robot.radius, mappers
         )
         self._cell_area = observations.coverage.cell**2
         state = BatchState(

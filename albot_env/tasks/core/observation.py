@@ -6,7 +6,7 @@ The parts are objects of `parts`; `observation_kernels` lists them and fills the
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,21 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32
 
 from albot_core.errors import InputError, did_you_mean
+from albot_core.mappers.mapper import MapperSpec
 from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation_kernels import PARTS, Layout
+from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH, MapPatchConfig
 from albot_env.tasks.core.parts.part import Decoded, Need, ObservationPart, Sizes
-from albot_env.tasks.core.parts.scales import Scales, make_log_scale
+from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, PlaceGraphConfig
+from albot_env.tasks.core.parts.scales import (
+    Channels,
+    GraphScales,
+    PatchScales,
+    Scales,
+    make_log_scale,
+)
 from albot_env.tasks.core.wayfinding import WayfindingConfig
 
 _TIME_KNEE = 0.05
@@ -30,14 +39,20 @@ Parts = dict[str, Float32[np.ndarray, "..."]]
 
 PART_NAMES = tuple(part.name for part in PARTS)
 """The names of all parts, in their order in the flat observation."""
-EXPLORE_AND_HOME_PARTS = tuple(part for part in PART_NAMES if part not in ("shortcut", "onward"))
-"""Parts observed in exploring and coming home."""
-HOMING_PARTS = tuple(
-    part for part in EXPLORE_AND_HOME_PARTS if part not in ("frontier", "time_left")
-)
-"""Parts observed in homing: the same without `time_left` and `frontier`."""
-DEFAULT_PARTS = tuple(part for part in HOMING_PARTS if part not in ("confidence", "exit", "way"))
-"""Parts observed in other tasks: without the way home, which takes time to compute."""
+HINTS = ("exit", "way", "shortcut", "onward")
+"""Parts that a planner has worked out: where to drive next."""
+
+
+def _in_order(*names: str) -> tuple[str, ...]:
+    return tuple(part for part in PART_NAMES if part in names)
+
+
+DEFAULT_PARTS = _in_order("laser", "sonar", "motion", "heading", "home", "place", "coverage")
+"""Parts observed in exploring: without the way home, which takes time to compute."""
+HOMING_PARTS = _in_order(*DEFAULT_PARTS, "confidence", "exit", "way")
+"""Parts observed in homing, with hints."""
+EXPLORE_AND_HOME_PARTS = _in_order(*HOMING_PARTS, "frontier", "time_left")
+"""Parts observed in exploring and coming home, with hints."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +99,10 @@ class ObservationConfig:
     """Coverage grid, and the egocentric patch of it."""
     wayfinding: WayfindingConfig = field(default_factory=WayfindingConfig)
     """Parameters of the search for paths over the ground."""
+    map_patch: MapPatchConfig = field(default_factory=MapPatchConfig)
+    """Scales, size and channels of the part `map_patch`."""
+    place_graph: PlaceGraphConfig = field(default_factory=PlaceGraphConfig)
+    """Size of the part `place_graph`."""
 
     def __post_init__(self) -> None:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
@@ -107,9 +126,25 @@ class ObservationConfig:
         if not self.parts or len(set(self.parts)) < len(self.parts):
             raise InputError(place, f"some of {known}, each once", str(list(self.parts)))
 
-    def fitted(self, laser: LaserGeometry | None, sonar: SonarGeometry | None) -> ObservationConfig:
-        """Return the same configuration for a robot with these sensors."""
-        return replace(self, laser=laser, sonar=sonar)
+    def fitted(
+        self,
+        laser: LaserGeometry | None,
+        sonar: SonarGeometry | None,
+        mapper: MapperSpec | None,
+    ) -> ObservationConfig:
+        """Return the same configuration for a robot with these sensors and this mapper.
+
+        Raises:
+            InputError: The mapper cannot give what the parts `map_patch` or `place_graph` show.
+        """
+        patch = self.map_patch
+        if MAP_PATCH.name in self.parts:
+            patch = replace(patch, channels=patch.chosen(mapper))
+        if PLACE_GRAPH.name in self.parts and "place_graph" not in getattr(mapper, "layers", ()):
+            name = "none" if mapper is None else mapper.name
+            expected = f"parts that the mapper {name} can give: it has no place graph"
+            raise InputError("ObservationConfig.parts", expected, PLACE_GRAPH.name)
+        return replace(self, laser=laser, sonar=sonar, map_patch=patch)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -118,6 +153,9 @@ class ObservationConfig:
             beams=0 if self.laser is None else self.laser_sectors or self.laser.beams,
             sonars=0 if self.sonar is None else len(self.sonar.bearings),
             patch=self.coverage.patch_cells,
+            map_layers=len(self.map_patch.sides) * len(self.map_patch.channels or CHANNELS),
+            map_cells=self.map_patch.cells,
+            graph_rows=self.place_graph.places + self.place_graph.connections,
         )
         shapes = {part.name: part.shape(sizes) for part in PARTS if part.name in self.parts}
         return {name: shape for name, shape in shapes.items() if shape != (0,)}
@@ -179,6 +217,12 @@ class ObservationConfig:
             home_near=self.home_near,
             sectors=self.laser_sectors or 0,
             time=make_log_scale(_TIME_KNEE * self.time_range, self.time_range),
+            patches=PatchScales(
+                sides=np.array(self.map_patch.sides, np.float64),
+                cells=self.map_patch.cells,
+                channels=Channels.of(self.map_patch.channels or CHANNELS),
+            ),
+            graph=GraphScales(**asdict(self.place_graph)),
         )
 
     def split(self, flat: Float[np.ndarray, "length"]) -> Parts:

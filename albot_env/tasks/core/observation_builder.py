@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
 from albot_core.kernels.arguments import ArgumentsCache
+from albot_core.mappers.mapper import MapperBatch
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.coverage import (
@@ -19,6 +20,7 @@ from albot_env.tasks.core.coverage import (
     world_extent,
 )
 from albot_env.tasks.core.coverage_kernels import CoverageGrid
+from albot_env.tasks.core.map_arrays import MapArrays, MapReader
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
 from albot_env.tasks.core.parts.part import Need
@@ -65,10 +67,16 @@ class ObservationBuilder:
         config: Configuration of observations and coverage.
         laser: Geometry of the robots' laser.
         robot_radius: Radius of the robots (m).
+        mappers: The robots' mappers; None without.
     """
 
     def __init__(
-        self, robots: int, config: ObservationConfig, laser: LaserGeometry, robot_radius: float
+        self,
+        robots: int,
+        config: ObservationConfig,
+        laser: LaserGeometry,
+        robot_radius: float,
+        mappers: MapperBatch | None,
     ) -> None:
         self._config = config.coverage
         self._scales, self._layout = config.scales, config.layout
@@ -79,6 +87,8 @@ class ObservationBuilder:
         self._wayfinding = ways = config.wayfinding
         self._searching = ways.occupancy(config.coverage), ways.search(robot_radius)
         self._occupancy = empty_occupancy(robots)
+        self._has_map = config.needs(Need.MAP)
+        self._maps = MapReader(robots, mappers if self._has_map else None, config.map_patch.trail)
         self._worlds = WorldCache(robots, self._add_world, self._forget_rooms)
         self._rooms = Rooms(
             outlines=NO_ROOMS,
@@ -127,6 +137,7 @@ class ObservationBuilder:
         if self._has_occupancy:
             side = self._wayfinding.side(map_extent(world))
             self._occupancy = with_occupancy(self._occupancy, row, side)
+        self._maps.begin(row, map_extent(world))
         progress = self.progress
         progress.ground[row], progress.rooms_entered[row] = 0, 0
         progress.moved[row] = np.inf
@@ -171,6 +182,7 @@ class ObservationBuilder:
             **copied_rows("progress", self.progress, row),
             **copied_rows("occupancy", occupancy, row, _KEPT_OF_OCCUPANCY),
             "occupancy.grids": occupancy.grids[row, :cells].copy(),
+            **self._maps.state(row),
         }
 
     def set_state(self, row: int, state: Arrays) -> None:
@@ -180,6 +192,7 @@ class ObservationBuilder:
         self._rooms.entered[row, : self._room_count(row)] = state["rooms.entered"]
         put_rows("progress", self.progress, row, state)
         put_rows("occupancy", self._occupancy, row, state)
+        self._maps.set_state(row, state)
 
     def _room_count(self, row: int) -> int:
         first, last = self._rooms.worlds[row].tolist()
@@ -204,7 +217,10 @@ class ObservationBuilder:
         observations: Float32[np.ndarray, "robots length"],
     ) -> None:
         """Track the coverage and rooms of some robots, and fill their rows of `observations`."""
-        changing = self._covered, self._believed, self._rooms, state, self._occupancy
+        if self._has_map:
+            self._maps.update(rows, state.beliefs)
+        maps = self._maps.arrays
+        changing = self._covered, self._believed, self._rooms, state, self._occupancy, maps
         arguments = self._arguments.arguments(*changing)
         observe_robots(rows, arguments, observations)
 
@@ -215,8 +231,9 @@ class ObservationBuilder:
         rooms: Rooms,
         state: BatchState,
         occupancy: OccupancyGrids,
+        maps: MapArrays,
     ) -> tuple[Any, ...]:
         """Return the arguments of `observe_robots`."""
         scales = self._scales, self._layout
-        ways = *self._searching, occupancy
+        ways = *self._searching, occupancy, maps
         return self._sensor, covered, believed, rooms, *scales, state, self.progress, *ways

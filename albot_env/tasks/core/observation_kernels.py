@@ -47,7 +47,9 @@ from albot_env.tasks.core.parts.ground import (
     fill_onward,
     fill_shortcut,
 )
-from albot_env.tasks.core.parts.part import ObservationPart, Sources
+from albot_env.tasks.core.parts.map_patch import MAP_PATCH, fill_map_patch
+from albot_env.tasks.core.parts.part import GraphScratch, ObservationPart, Sources
+from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, fill_place_graph
 from albot_env.tasks.core.parts.sensors import (
     LASER,
     MOTION,
@@ -67,7 +69,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
 
 PARTS: tuple[ObservationPart[Any], ...] = (
     LASER, SONAR, MOTION, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT, COVERAGE,
-    FRONTIER, ONWARD, TIME_LEFT,
+    FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
 )  # fmt: skip
 """All parts, in their order in the flat observation."""
 Layout: Any = namedtuple("Layout", [part.name for part in PARTS])  # type: ignore[misc]
@@ -81,13 +83,20 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
 
     `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, the one believed covered,
     `Rooms`, `Scales`, `Layout`, `BatchState`, `ExplorationProgress`, `OccupancyParams`,
-    `SearchParams` and `OccupancyGrids`.
+    `SearchParams`, `OccupancyGrids` and `MapArrays`.
     """
-    sensor, _, believed, _, scales, _, state, _, _, search, occupancy = unpack(arguments)
+    sensor, _, believed, _, scales, _, state, _, _, search, occupancy, maps = unpack(arguments)
     # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
     nearest = np.empty(scales.sectors)
     frontier = np.empty(scales.sectors if scales.sectors else state.ranges.shape[1])
-    sources = Sources(scales, state, sensor, believed, search, occupancy, nearest, frontier)
+    graph = GraphScratch(
+        shown=np.empty(scales.graph.places, np.int64),
+        away=np.empty(scales.graph.places),
+        rows=np.empty(maps.places.rows.shape[1], np.int64),
+    )
+    sources = Sources(
+        scales, state, sensor, believed, search, occupancy, nearest, frontier, maps, graph
+    )
     _observe_robots(rows, arguments, sources, observations)
 
 
@@ -96,7 +105,7 @@ def _observe_robots(
     rows: np.ndarray, arguments: KernelArguments, sources: Sources, observations: np.ndarray
 ) -> None:
     """Run `observe_robots` with what the parts are computed from."""
-    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _ = unpack(
+    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _, _ = unpack(
         arguments
     )
     for i in rows:
@@ -111,6 +120,7 @@ def _observe_robots(
         _fill_sensed(i, layout, sources, observations[i])
         _fill_believed(i, layout, sources, observations[i])
         _fill_ground(i, layout, params, sources, observations[i])
+        _fill_remembered(i, layout, sources, observations[i])
 
 
 @kernel()
@@ -158,6 +168,15 @@ def _fill_ground(
         fill_shortcut(i, sources, row[layout.shortcut :])
     if layout.onward >= 0:
         fill_onward(i, sources, row[layout.onward :])
+
+
+@kernel()
+def _fill_remembered(i: int, layout: Any, sources: Sources, row: np.ndarray) -> None:
+    """Fill in the observed parts that show what robot i's mapper remembers."""
+    if layout.map_patch >= 0:
+        fill_map_patch(i, sources, row[layout.map_patch :])
+    if layout.place_graph >= 0:
+        fill_place_graph(i, sources, row[layout.place_graph :])
 
 
 @kernel()

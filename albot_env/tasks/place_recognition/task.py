@@ -87,7 +87,7 @@ class PlaceRecognitionTask(Task):
         super().__init__(
             robots,
             actions=AnswerActionConfig(most=most),
-            observations=ArrivalsObservationConfig(most=most).fitted(*sensors.geometries),
+            observations=ArrivalsObservationConfig(most=most).fitted(*sensors.geometries, None),
             state=BatchState(
                 poses=np.zeros((robots, 3)),
                 beliefs=np.zeros((robots, 3)),

@@ -35,6 +35,8 @@ class MapperSpec:
     """`module:name` of what makes a mapper from a config; imported when first needed."""
     config: str
     """`module:name` of what makes its default config, a frozen dataclass."""
+    has_exits: bool = False
+    """Whether the connections of its place graph have doorways."""
     batch: str | None = None
     """`module:name` of what makes a batch from a number of robots and a config. None: the batch is
     a loop over single mappers."""

@@ -95,6 +95,9 @@ class PlaceNode:
     """The point at which it is drawn, in the map's frame (m)."""
     segments: Segments = field(default_factory=lambda: np.empty((0, 4)))
     """The line segments that describe it, in its own frame (m); empty if it has none."""
+    visits: int | None = None
+    """Number of stays in it so far; None if the mapper does not count them. Recordings do not keep
+    it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,6 +134,10 @@ class PlaceGraph:
     """Id of the place where the mapper estimates the robot to be; None if unknown."""
     home: int | None = None
     """Id of the place where the robot started; None if there is none."""
+    frame: Pose = field(default_factory=lambda: np.zeros(3))
+    """Pose of the graph's own frame in the map's frame: where the mapper believes that the places
+    lie on its map now. Zero unless the map drifts apart from the places that are remembered.
+    Recordings do not keep it."""
 
     def node(self, place: int) -> PlaceNode:
         """Return the place with an id.

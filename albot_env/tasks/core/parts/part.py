@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from albot_env.tasks.core.coverage_kernels import CoverageGrid, CoverageSensor
+from albot_env.tasks.core.map_arrays import MapArrays
 from albot_env.tasks.core.parts.scales import Scales
 from albot_env.tasks.core.state import BatchState
 from albot_env.tasks.core.wayfinding_kernels import OccupancyGrids, SearchParams
@@ -25,6 +26,7 @@ class Need(Enum):
     WAY_HOME = "the believed way home"
     GROUND = "the ground that the robot believes covered"
     OCCUPANCY = "an occupancy grid"
+    MAP = "what the mapper remembers"
     TIME_BUDGET = "a time that is given to be back in"
 
 
@@ -37,6 +39,23 @@ class Sizes(NamedTuple):
     """Number of sonars."""
     patch: int
     """Number of cells along a side of the patch of covered ground."""
+    map_layers: int
+    """Number of channels of the map's patches, of all scales together."""
+    map_cells: int
+    """Number of cells along a side of the map's patches."""
+    graph_rows: int
+    """Number of rows of the place graph: places and connections."""
+
+
+class GraphScratch(NamedTuple):
+    """Arrays that the part `place_graph` overwrites."""
+
+    shown: np.ndarray
+    """(places,) int64: the places that are shown, by index, the nearest first."""
+    away: np.ndarray
+    """(places,) float64: their distances (m)."""
+    rows: np.ndarray
+    """(most,) int64: the row in which each place is shown; -1 for none."""
 
 
 class Sources(NamedTuple):
@@ -53,6 +72,9 @@ class Sources(NamedTuple):
     """Scratch (sectors,): the minimum range of each sector (m)."""
     frontier: np.ndarray
     """Scratch (beams or sectors,): how far frontiers are (m)."""
+    maps: MapArrays
+    """What the mappers remember."""
+    graph: GraphScratch
 
 
 @dataclass(frozen=True, kw_only=True)

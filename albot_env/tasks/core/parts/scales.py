@@ -22,6 +22,47 @@ class LogScale(NamedTuple):
     """log(1 + longest / knee)."""
 
 
+class Channels(NamedTuple):
+    """The place of each channel of a map's patch among those shown; -1 for one that is not."""
+
+    walls: int
+    free: int
+    trail: int
+    exits: int
+    home: int
+    places: int
+
+    @classmethod
+    def of(cls, names: tuple[str, ...]) -> Channels:
+        """Return the places of these channels, which are in their order."""
+        return cls(**{name: names.index(name) if name in names else -1 for name in cls._fields})
+
+    @property
+    def count(self) -> int:
+        """Number of channels that are shown."""
+        return max(self) + 1
+
+
+class PatchScales(NamedTuple):
+    """Scales, size and channels of the map's patches."""
+
+    sides: np.ndarray
+    """(scales,) float64: sides of the patches (m)."""
+    cells: int
+    """Number of cells along each side."""
+    channels: Channels
+    """The channels that are shown."""
+
+
+class GraphScales(NamedTuple):
+    """Size of the part `place_graph`."""
+
+    places: int
+    """Number of rows of places."""
+    connections: int
+    """Number of rows of connections."""
+
+
 class Scales(NamedTuple):
     """Scales of observations and coverage (see their configurations)."""
 
@@ -38,6 +79,8 @@ class Scales(NamedTuple):
     home_near: float
     sectors: int
     time: LogScale
+    patches: PatchScales
+    graph: GraphScales
 
 
 def make_log_scale(knee: float, longest: float) -> LogScale:

@@ -42,7 +42,7 @@ from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.schema import Arrays
 from albot_core.maps.activity import Activity
-from albot_core.maps.layers import MapSnapshot, SegmentsLayer
+from albot_core.maps.layers import MapSnapshot, PlaceGraph, SegmentsLayer
 from albot_core.sensing.reading import LaserGeometry, Readings
 from albot_core.sensing.view import view_settings
 
@@ -74,6 +74,8 @@ class Albot1Batch:
         self._limits = self.config.limits
         self._arrays: list[MapperArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
+        # The last snapshot of each network, and its version and place then.
+        self._graphs: list[tuple[tuple[int, bytes], PlaceGraph] | None] = [None] * count
         self._homes_in_map = np.zeros((count, 3))
         self._matched_readings = np.full(count, -1)
         self._is_recognised = np.zeros(count, np.bool_)
@@ -257,8 +259,11 @@ class Albot1Batch:
 
     def snapshot(self, row: int) -> MapSnapshot:
         """Return one robot's map: its surfaces and its network of places."""
-        graph = self._networks[row].snapshot().place_graph
-        return MapSnapshot(layers=(SegmentsLayer(segments=self.surfaces(row)), graph))
+        network = self._networks[row]
+        kept, moment = self._graphs[row], (network.version, network.map_to_graph.tobytes())
+        if kept is None or kept[0] != moment:
+            kept = self._graphs[row] = moment, network.snapshot().place_graph
+        return MapSnapshot(layers=(SegmentsLayer(segments=self.surfaces(row)), kept[1]))
 
     def activity(self, row: int) -> Activity | None:
         """Return None: there is no attractor network."""
@@ -317,7 +322,12 @@ class Albot1Batch:
         self._versions[row] = self._networks[row].version if kept["is_current"] else -1
 
     def _forget_ways(self, row: int) -> None:
+<<<<<<< HEAD
         """Mark the way home as outdated, because the network was replaced."""
+=======
+        """Another network: the way home must be found anew."""
+        self._graphs[row] = None
+>>>>>>> 
         self._versions[row] = self._expecting[row] = -1
         self._note_places(row)
 

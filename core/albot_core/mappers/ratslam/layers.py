@@ -27,8 +27,11 @@ def map_layers(
         return MapSnapshot(layers=(PlaceGraph(), TrajectoryLayer(poses=np.empty((0, 3)))))
     poses = experiences.poses.copy()
     poses[:, 2] = wrap_angle(poses[:, 2])
+    entered = visits[np.flatnonzero(np.diff(visits, prepend=-1))]
+    stays = np.bincount(entered, minlength=len(poses)).tolist()
     nodes = tuple(
-        PlaceNode(id=k, label=f"E{k}", pose=pose, middle=pose[:2]) for k, pose in enumerate(poses)
+        PlaceNode(id=k, label=f"E{k}", pose=pose, middle=pose[:2], visits=stays[k])
+        for k, pose in enumerate(poses)
     )
     links = experiences.links
     ends = list(zip(links.rows("source").tolist(), links.rows("target").tolist(), strict=True))

@@ -7,7 +7,8 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from itertools import pairwise
+from collections import Counter
+from itertools import groupby, pairwise
 
 import numpy as np
 from jaxtyping import Bool, Int64
@@ -158,8 +159,15 @@ class PlaceNetwork:
 
     def snapshot(self) -> Network:
         """Return the network as users see it."""
-        places = tuple(self.places[key].as_place() for key in sorted(self.places))
-        return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
+        visits = Counter(place for place, _ in groupby(place for _, place in self.stays))
+        places = tuple(self.places[key].as_place(visits[key]) for key in sorted(self.places))
+        return Network(
+            places=places,
+            current=self.current,
+            home=START,
+            familiar=self.is_familiar,
+            frame=self.map_to_graph.copy(),
+        )
 
     def drift_at(self, pose: Pose) -> float:
         """Return how far from its expected position a known exit may be seen from a pose (m)."""

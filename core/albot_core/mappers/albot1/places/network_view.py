@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
@@ -42,6 +42,8 @@ class Place:
     """The place's description: surfaces in its frame (m)."""
     exits: tuple[Exit, ...]
     """The place's exits, in the order of their indices."""
+    visits: int = 1
+    """Number of stays in the place so far."""
 
     @property
     def label(self) -> str:
@@ -76,6 +78,8 @@ class Network:
     """The id of the place from which the robot set out."""
     familiar: bool = False
     """Whether the robot knows the present place from an earlier visit."""
+    frame: Pose = field(default_factory=lambda: np.zeros(3))
+    """Pose of the graph frame in the perceptual map's frame."""
 
     def place(self, place_id: int) -> Place:
         """Return the place with an id.
@@ -108,6 +112,7 @@ class Network:
                 pose=place.frame,
                 middle=place.middle,
                 segments=place.surfaces,
+                visits=place.visits,
             )
             for place in self.places
         }
@@ -125,5 +130,9 @@ class Network:
             for door in place.exits
         )
         return PlaceGraph(
-            nodes=tuple(nodes.values()), edges=edges, current=self.current, home=self.home
+            nodes=tuple(nodes.values()),
+            edges=edges,
+            current=self.current,
+            home=self.home,
+            frame=self.frame,
         )

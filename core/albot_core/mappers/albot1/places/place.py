@@ -131,14 +131,18 @@ class LearnedPlace:
         along, across = cos * dx + sin * dy, cos * dy - sin * dx
         return bool(left <= along <= right and bottom <= across <= top)
 
-    def as_place(self) -> Place:
+    def as_place(self, visits: int) -> Place:
         """Return the place as users see it."""
         exits = tuple(
             Exit(line=p.line.copy(), leads_to=p.leads_to, exit_there=p.exit_there)
             for p in self.exits
         )
         return Place(
-            id=self.id, frame=self.frame.copy(), surfaces=self.surfaces.copy(), exits=exits
+            id=self.id,
+            frame=self.frame.copy(),
+            surfaces=self.surfaces.copy(),
+            exits=exits,
+            visits=visits,
         )
 
 

@@ -1,0 +1,301 @@
+"""The part `map_patch`: what the mapper remembers around the robot, as egocentric rasters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from albot_core.errors import InputError, did_you_mean
+from albot_core.geometry.pose_kernels import rotate_back
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.mapper import MapperSpec
+from albot_core.ranges import FROM_TWO, POSITIVE, check_fields
+from albot_env.tasks.core.coverage_kernels import cut_patch
+from albot_env.tasks.core.map_arrays import RaggedRows, TrailConfig
+from albot_env.tasks.core.parts.part import Need, ObservationPart, Sources
+from albot_env.tasks.core.parts.scales import Channels, Scales
+
+CHANNELS = Channels._fields
+"""All channels, in their order in a patch."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapPatchConfig:
+    """Scales, size and channels of the part `map_patch`.
+
+    The robot is in the middle, its heading up: row 0 is farthest ahead, column 0 farthest to the
+    left. All that is shown is believed: it comes from the mapper's map, its pose and the readings.
+    """
+
+    sides: tuple[float, ...] = (16.0, 64.0)
+    """Sides of the squares that are shown at once, one scale after the other (m)."""
+    cells: int = 32
+    """Number of cells along each side."""
+    channels: tuple[str, ...] | None = None
+    """Names of the channels, of `CHANNELS`, in any order; None for all that the mapper can give:
+
+    - `walls`: line segments, or occupied cells of an occupancy grid,
+    - `free`: ground known to be free: of an occupancy grid, or else seen from within
+      `CoverageConfig.radius`,
+    - `trail`: where the robot has been: 1 now, down to 0 at the oldest position remembered,
+    - `exits`: the lines across doorways of the place graph,
+    - `home`: where home is believed; beyond the patch, at its edge in that direction,
+    - `places`: the nodes of the place graph.
+
+    1 is "here", -1 "not here or unknown"."""
+    trail_spacing: float = 0.5
+    """Distance between positions of the trail (m)."""
+    trail_length: float = 200.0
+    """Length of the trail that is remembered (m)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, FROM_TWO, "cells")
+        check_fields(self, POSITIVE, "trail_spacing", "trail_length")
+        if not self.sides or not all(_is_length(side) for side in self.sides):
+            raise InputError("MapPatchConfig.sides", "lengths above 0 (m)", str(self.sides))
+        if self.trail_spacing > self.trail_length:
+            expected = f"at most trail_length, {self.trail_length:g}"
+            raise InputError("MapPatchConfig.trail_spacing", expected, f"{self.trail_spacing:g}")
+        chosen = CHANNELS if self.channels is None else self.channels
+        for name in chosen:
+            if name not in CHANNELS:
+                found = f"{name!r}{did_you_mean(str(name), CHANNELS)}"
+                raise InputError("MapPatchConfig.channels", f"some of {', '.join(CHANNELS)}", found)
+        if not chosen or len(set(chosen)) < len(chosen):
+            expected = f"some of {', '.join(CHANNELS)}, each once"
+            raise InputError("MapPatchConfig.channels", expected, str(list(chosen)))
+
+    def chosen(self, spec: MapperSpec | None) -> tuple[str, ...]:
+        """Return the channels to show with a mapper, in their order; None without a mapper.
+
+        Raises:
+            InputError: The mapper cannot give one that was asked for.
+        """
+        given = channels_of(spec)
+        if self.channels is None:
+            return given
+        for name in self.channels:
+            if name not in given:
+                mapper = "none" if spec is None else spec.name
+                expected = f"some of {', '.join(given)}, which the mapper {mapper} can give"
+                raise InputError("MapPatchConfig.channels", expected, name)
+        return tuple(name for name in CHANNELS if name in self.channels)
+
+    @property
+    def trail(self) -> TrailConfig:
+        """Which of the believed positions make a trail."""
+        return TrailConfig(self.trail_spacing, round(self.trail_length / self.trail_spacing))
+
+
+def channels_of(spec: MapperSpec | None) -> tuple[str, ...]:
+    """Return the channels that a mapper's map has, in their order; None is "no mapper"."""
+    layers = () if spec is None else spec.layers
+    has = {
+        "walls": "segments" in layers or "occupancy_grid" in layers,
+        "exits": spec is not None and spec.has_exits,
+        "places": "place_graph" in layers,
+    }
+    return tuple(name for name in CHANNELS if has.get(name, True))
+
+
+def _is_length(value: object) -> bool:
+    return isinstance(value, int | float) and 0 < value < math.inf
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapPatch:
+    """What a patch shows, by channel."""
+
+    sides: tuple[float, ...]
+    """Sides of the squares (m), one per scale."""
+    channels: dict[str, Float[np.ndarray, "scales cells cells"]] = field(default_factory=dict)
+    """The channels that are shown, by name; see `MapPatchConfig.channels`."""
+
+
+def _decode_map_patch(numbers: Float[np.ndarray, "layers cells cells"], scales: Scales) -> MapPatch:
+    """Return the channels by name."""
+    shown = scales.patches
+    sides = tuple(shown.sides.tolist())
+    rows = np.asarray(numbers).reshape(len(sides), -1, shown.cells, shown.cells)
+    places = shown.channels._asdict()
+    return MapPatch(
+        sides=sides,
+        channels={name: rows[:, place] for name, place in places.items() if place >= 0},
+    )
+
+
+MAP_PATCH = ObservationPart(
+    name="map_patch",
+    numbers="2 × 6 × 32 × 32",
+    meaning=(
+        "on request: what the mapper remembers around the robot, its heading up, in squares of "
+        "16 m and 64 m, one channel each for walls, free ground, its own trail by age, exits, "
+        "home and places, as far as the mapper can give them (`MapPatchConfig`)"
+    ),
+    shape=lambda sizes: (sizes.map_layers, sizes.map_cells, sizes.map_cells),
+    needs=frozenset((Need.GROUND, Need.MAP)),
+    decode=_decode_map_patch,
+)
+
+
+class _View(NamedTuple):
+    """Where and how large a patch is, in the map's frame."""
+
+    x: float
+    y: float
+    """Position of the robot (m)."""
+    cos: float
+    sin: float
+    """Cosine and sine of its heading."""
+    cell: float
+    """Side of a cell (m)."""
+    cells: int
+    """Number of cells along each side."""
+
+
+@kernel()
+def fill_map_patch(i: int, sources: Sources, row: np.ndarray) -> None:
+    """Fill in what robot i's mapper remembers, at all scales."""
+    shown, belief = sources.scales.patches, sources.state.beliefs[i]
+    cos, sin = math.cos(belief[2]), math.sin(belief[2])
+    layers = 0
+    for place in shown.channels:
+        layers = max(layers, place + 1)
+    size = layers * shown.cells * shown.cells
+    for k in range(shown.sides.shape[0]):
+        square = row[k * size : (k + 1) * size]
+        for j in range(size):
+            square[j] = np.float32(-1.0)
+        view = _View(belief[0], belief[1], cos, sin, shown.sides[k] / shown.cells, shown.cells)
+        _show_layers(i, sources, view, square)
+
+
+@kernel()
+def _show_layers(i: int, sources: Sources, view: _View, square: np.ndarray) -> None:
+    """Show what robot i's mapper remembers, channel by channel, in a square that is empty yet."""
+    maps, channels, area = sources.maps, sources.scales.patches.channels, view.cells * view.cells
+    if channels.walls >= 0:
+        _draw_segments(i, maps.walls, view, square[channels.walls * area :])
+    if channels.free >= 0:
+        _show_free(i, sources, view, square[channels.free * area :])
+    if channels.trail >= 0:
+        _draw_trail(i, maps.trail, view, square[channels.trail * area :])
+    if channels.exits >= 0:
+        _draw_segments(i, maps.exits, view, square[channels.exits * area :])
+    if channels.home >= 0:
+        home = sources.state.homes_in_robot[i]
+        _draw_home(home, view, square[channels.home * area :])
+    if channels.places >= 0:
+        patch = square[channels.places * area :]
+        for place in range(maps.places.counts[i]):
+            x, y = maps.places.rows[i, place, 0], maps.places.rows[i, place, 1]
+            _draw_point(x, y, 1.0, view, patch)
+
+
+@kernel()
+def _show_free(i: int, sources: Sources, view: _View, patch: np.ndarray) -> None:
+    """Show the free ground of robot i's occupancy grid, or else the ground it believes covered."""
+    belief, turn, free = sources.state.beliefs[i], (view.cos, view.sin), sources.maps.free
+    if free.sides[i] > 0:
+        cut_patch(free, i, belief, turn, view.cell, view.cells, patch)
+    else:
+        cut_patch(sources.believed, i, belief, turn, view.cell, view.cells, patch)
+
+
+@kernel()
+def place_in(x: float, y: float, view: _View) -> tuple[float, float]:
+    """Return column and row, in cells from the patch's upper left corner, of a point (map, m)."""
+    ahead, left = rotate_back(view.cos, view.sin, x - view.x, y - view.y)
+    half = 0.5 * view.cells
+    return half - left / view.cell, half - ahead / view.cell
+
+
+@kernel()
+def _draw_point(x: float, y: float, value: float, view: _View, patch: np.ndarray) -> None:
+    """Show a point (map, m), unless its cell shows a greater value already."""
+    u, v = place_in(x, y, view)
+    if 0.0 <= u < view.cells and 0.0 <= v < view.cells:
+        cell = int(v) * view.cells + int(u)
+        patch[cell] = max(patch[cell], np.float32(value))
+
+
+@kernel()
+def _draw_trail(i: int, trail: RaggedRows, view: _View, patch: np.ndarray) -> None:
+    """Show robot i's trail: 1 at the newest point, down to 0 at the oldest remembered."""
+    count, most = trail.counts[i], trail.rows.shape[1]
+    for k in range(count):
+        age = (count - 1 - k) / most
+        _draw_point(trail.rows[i, k, 0], trail.rows[i, k, 1], 1.0 - age, view, patch)
+
+
+@kernel()
+def _draw_home(home: np.ndarray, view: _View, patch: np.ndarray) -> None:
+    """Show home, whose pose is in the robot's frame; beyond the patch, at its edge."""
+    half = 0.5 * view.cells
+    ahead, left = home[0] / view.cell, home[1] / view.cell
+    away = max(abs(ahead), abs(left))
+    if away > half:
+        ahead, left = ahead * half / away, left * half / away
+    column = min(max(int(half - left), 0), view.cells - 1)
+    row = min(max(int(half - ahead), 0), view.cells - 1)
+    patch[row * view.cells + column] = np.float32(1.0)
+
+
+@kernel()
+def _draw_segments(i: int, segments: RaggedRows, view: _View, patch: np.ndarray) -> None:
+    """Show the cells through which robot i's segments x1, y1, x2, y2 (map, m) pass."""
+    for k in range(segments.counts[i]):
+        ends = segments.rows[i, k]
+        u, v = place_in(ends[0], ends[1], view)
+        end_u, end_v = place_in(ends[2], ends[3], view)
+        draw_line(u, v, end_u, end_v, view.cells, patch)
+
+
+@kernel()
+def draw_line(
+    u: float, v: float, end_u: float, end_v: float, cells: int, patch: np.ndarray
+) -> None:
+    """Set the cells of a square patch to 1 through which a line passes, from column u, row v on.
+
+    The part on the patch is found as in Liang and Barsky, A new concept and method for line
+    clipping (ACM Transactions on Graphics 3, 1984); its cells as in Amanatides and Woo, A fast
+    voxel traversal algorithm for ray tracing (Eurographics 1987).
+    """
+    du, dv = end_u - u, end_v - v
+    first, last = 0.0, 1.0
+    for axis in range(2):
+        start, along = (u, du) if axis == 0 else (v, dv)
+        if along == 0.0:
+            if start < 0.0 or start >= cells:
+                return
+        else:
+            low, high = -start / along, (cells - start) / along
+            first, last = max(first, min(low, high)), min(last, max(low, high))
+    if first > last:
+        return
+    column = min(max(int(u + first * du), 0), cells - 1)
+    row = min(max(int(v + first * dv), 0), cells - 1)
+    right, down = (1 if du > 0.0 else -1), (1 if dv > 0.0 else -1)
+    # The shares of the line at which it comes into the next column and row.
+    next_u = (column + (right > 0) - u) / du if du != 0.0 else math.inf
+    next_v = (row + (down > 0) - v) / dv if dv != 0.0 else math.inf
+    step_u = abs(1.0 / du) if du != 0.0 else math.inf
+    step_v = abs(1.0 / dv) if dv != 0.0 else math.inf
+    while True:
+        patch[row * cells + column] = np.float32(1.0)
+        if next_u < next_v:
+            if next_u > last:
+                return
+            column += right
+            next_u += step_u
+        else:
+            if next_v > last:
+                return
+            row += down
+            next_v += step_v
+        if column < 0 or column >= cells or row < 0 or row >= cells:
+            return
