@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -18,7 +18,7 @@ from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Points
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.mapper import MapperBatch
+from albot_core.mappers.mapper import MapperSpec
 from albot_core.maps.layers import (
     MapSnapshot,
     OccupancyGridLayer,
@@ -34,6 +34,22 @@ CELL = 0.25
 IS_OCCUPIED = 0.5
 """A cell of an occupancy grid that is occupied with more than this probability is a wall; with
 less, free ground."""
+
+
+@runtime_checkable
+class MapSource(Protocol):
+    """What is needed of the robots' mappers: a `MapperBatch` is one."""
+
+    @property
+    def spec(self) -> MapperSpec:
+        """The mappers' spec."""
+
+    @property
+    def map_versions(self) -> Int64[np.ndarray, "robots"]:
+        """`Estimate.map_version` of each."""
+
+    def snapshot(self, row: int) -> MapSnapshot:
+        """Return the map of a row."""
 
 
 class RaggedRows(NamedTuple):
@@ -92,7 +108,7 @@ class MapReader:
         trail: Which positions make a trail.
     """
 
-    def __init__(self, robots: int, mappers: MapperBatch | None, trail: TrailConfig) -> None:
+    def __init__(self, robots: int, mappers: MapSource | None, trail: TrailConfig) -> None:
         self._mappers, self._trail = mappers, trail
         layers = () if mappers is None else mappers.spec.layers
         self._has_grid = OccupancyGridLayer.kind in layers

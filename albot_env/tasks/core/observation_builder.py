@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
 from albot_core.kernels.arguments import ArgumentsCache
-from albot_core.mappers.mapper import MapperBatch
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.coverage import (
@@ -20,7 +19,7 @@ from albot_env.tasks.core.coverage import (
     world_extent,
 )
 from albot_env.tasks.core.coverage_kernels import CoverageGrid
-from albot_env.tasks.core.map_arrays import MapArrays, MapReader
+from albot_env.tasks.core.map_arrays import MapArrays, MapReader, MapSource
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
 from albot_env.tasks.core.parts.part import Need
@@ -76,7 +75,7 @@ class ObservationBuilder:
         config: ObservationConfig,
         laser: LaserGeometry,
         robot_radius: float,
-        mappers: MapperBatch | None,
+        mappers: MapSource | None,
     ) -> None:
         self._config = config.coverage
         self._scales, self._layout = config.scales, config.layout
