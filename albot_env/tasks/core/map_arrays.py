@@ -27,7 +27,6 @@ from albot_core.maps.layers import (
 )
 from albot_env.tasks.core.coverage import with_coverage, words_of
 from albot_env.tasks.core.coverage_kernels import CoverageGrid
-from albot_env.tasks.core.row_arrays import Arrays
 
 CELL = 0.25
 """Side of the cells to which occupancy grids are thinned (m)."""
@@ -106,10 +105,13 @@ class MapReader:
         robots: Number of robots.
         mappers: Their mappers; None on robots without one, which remember only their own trail.
         trail: Which positions make a trail.
+        reads_maps: Whether the mappers' maps are needed, besides the robots' own trails.
     """
 
-    def __init__(self, robots: int, mappers: MapSource | None, trail: TrailConfig) -> None:
-        self._mappers, self._trail = mappers, trail
+    def __init__(
+        self, robots: int, mappers: MapSource | None, trail: TrailConfig, *, reads_maps: bool
+    ) -> None:
+        self._mappers, self._trail = mappers if reads_maps else None, trail
         layers = () if mappers is None else mappers.spec.layers
         self._has_grid = OccupancyGridLayer.kind in layers
         self._has_trajectory = TrajectoryLayer.kind in layers
@@ -136,7 +138,7 @@ class MapReader:
 
     def begin(self, row: int, extent: float) -> None:
         """Forget the map of a robot, which can reach `extent` (m) from the map's origin."""
-        self.forget_version(row)
+        self._forget_version(row)
         arrays = self.arrays
         for ragged in arrays:
             if isinstance(ragged, RaggedRows):
@@ -146,7 +148,7 @@ class MapReader:
             side = 8 * math.ceil(extent / CELL / 4)
             self.arrays = arrays._replace(free=with_coverage(arrays.free, row, side, (0.0, 0.0)))
 
-    def forget_version(self, row: int) -> None:
+    def _forget_version(self, row: int) -> None:
         """Let a robot's map be read at the next update, whatever its version."""
         self._versions[row] = -1
         self._graphs[row] = None
@@ -229,14 +231,14 @@ class MapReader:
             ragged.rows[row, : len(values)] = values
             ragged.counts[row] = len(values)
 
-    def state(self, row: int) -> Arrays:
-        """Return the trail of a robot (a copy); its map is in its mapper's state."""
+    def trail(self, row: int) -> Points:
+        """Return the trail of a robot (a copy): what is remembered here and not by its mapper."""
         counts, points = self.arrays.trail
-        return {"map.trail": points[row, : counts[row]].copy()}
+        return np.asarray(points[row, : counts[row]].copy())
 
-    def set_state(self, row: int, state: Arrays) -> None:
-        """Give a robot, after `begin`, what `state` returned."""
-        self._put("trail", row, state["map.trail"])
+    def set_trail(self, row: int, trail: Points) -> None:
+        """Give a robot, after `begin`, a trail."""
+        self._put("trail", row, trail)
 
 
 def _no_rows(robots: int, columns: int, most: int = 0, kind: Any = np.float64) -> RaggedRows:

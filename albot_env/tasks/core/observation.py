@@ -173,6 +173,15 @@ class ObservationConfig:
         """Return whether an observed part needs something."""
         return any(need in part.needs for part in PARTS if part.name in self.shapes)
 
+    def reads_maps(self, mapper: MapperSpec | None) -> bool:
+        """Return whether an observed part shows what is in the mapper's map (see `fitted`)."""
+        layers = () if mapper is None else mapper.layers
+        needed = {"walls", "exits", "places"}
+        needed |= {"free"} if "occupancy_grid" in layers else set()
+        needed |= {"trail"} if "trajectory" in layers else set()
+        channels = self.map_patch.channels or () if MAP_PATCH.name in self.parts else ()
+        return PLACE_GRAPH.name in self.parts or not needed.isdisjoint(channels)
+
     def require(self, parts: Collection[str], who: str) -> None:
         """Raise InputError if a part that `who` needs is not observed.
 

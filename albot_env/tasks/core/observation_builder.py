@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
+from albot_core.geometry.types import Points
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.world_cache import WorldCache
@@ -56,6 +57,8 @@ class ProgressSnapshot(NamedTuple):
     ground: int
     rooms_entered: int
     moved: Float64[np.ndarray, "2"]
+    trail: Points
+    """Positions that it remembers, as believed; empty if no observed part needs them."""
 
 
 class ObservationBuilder:
@@ -87,7 +90,9 @@ class ObservationBuilder:
         self._searching = ways.occupancy(config.coverage), ways.search(robot_radius)
         self._occupancy = empty_occupancy(robots)
         self._has_map = config.needs(Need.MAP)
-        self._maps = MapReader(robots, mappers if self._has_map else None, config.map_patch.trail)
+        spec = None if mappers is None else mappers.spec
+        reads_maps = self._has_map and config.reads_maps(spec)
+        self._maps = MapReader(robots, mappers, config.map_patch.trail, reads_maps=reads_maps)
         self._worlds = WorldCache(robots, self._add_world, self._forget_rooms)
         self._rooms = Rooms(
             outlines=NO_ROOMS,
@@ -152,6 +157,7 @@ class ObservationBuilder:
             ground=int(progress.ground[row]),
             rooms_entered=int(progress.rooms_entered[row]),
             moved=progress.moved[row].copy(),
+            trail=self._maps.trail(row),
         )
 
     def restore(self, row: int, snapshot: ProgressSnapshot) -> None:
@@ -169,6 +175,8 @@ class ObservationBuilder:
         progress.ground[row] = snapshot.ground
         progress.rooms_entered[row] = snapshot.rooms_entered
         progress.moved[row] = snapshot.moved
+        if self._has_map:
+            self._maps.set_trail(row, snapshot.trail)
 
     def state(self, row: int) -> Arrays:
         """Return all that the observations of a robot depend on besides its readings (copies)."""
@@ -181,7 +189,7 @@ class ObservationBuilder:
             **copied_rows("progress", self.progress, row),
             **copied_rows("occupancy", occupancy, row, _KEPT_OF_OCCUPANCY),
             "occupancy.grids": occupancy.grids[row, :cells].copy(),
-            **self._maps.state(row),
+            "map.trail": self._maps.trail(row),
         }
 
     def set_state(self, row: int, state: Arrays) -> None:
@@ -191,7 +199,7 @@ class ObservationBuilder:
         self._rooms.entered[row, : self._room_count(row)] = state["rooms.entered"]
         put_rows("progress", self.progress, row, state)
         put_rows("occupancy", self._occupancy, row, state)
-        self._maps.set_state(row, state)
+        self._maps.set_trail(row, state["map.trail"])
 
     def _room_count(self, row: int) -> int:
         first, last = self._rooms.worlds[row].tolist()

@@ -108,17 +108,22 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         config: OutwardJourneyConfig,
         count: int,
     ) -> None:
-        # The state at the end holds what was covered, and no other part of an observation.
-        kind = replace(equipment, threads=1), observations.coverage, config
+        # The state at the end holds what was covered and the trail, and no other part of an
+        # observation.
+        kind = replace(equipment, threads=1), observations.coverage, observations.map_patch.trail
+        kind = *kind, config
         super().__init__(environment, kind, count)
         self._guide = _Guide(config, equipment.robot, movables=equipment.movables)
-        # It always observes coverage, so that robots that do can use its journeys, too.
-        parts = dict.fromkeys((*observations.parts, "coverage"))
+        # It always observes coverage and leaves a trail, so that robots that do can use its
+        # journeys, too. The smallest patch that leaves one is drawn without the mapper's map.
+        others = (part for part in observations.parts if part != "place_graph")
+        parts = dict.fromkeys((*others, "coverage", "map_patch"))
+        patch = replace(observations.map_patch, sides=(1.0,), cells=2, channels=("home",))
         self._follower = DrivingTask(
             1,
             replace(equipment, threads=1),
             actions=ActionConfig(),
-            observations=replace(observations, parts=tuple(parts)),
+            observations=replace(observations, parts=tuple(parts), map_patch=patch),
         )
 
     def close(self) -> None:

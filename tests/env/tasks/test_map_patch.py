@@ -28,6 +28,7 @@ from albot_core.maps.layers import (
 from albot_core.sensing.reading import LaserGeometry, Readings
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
+from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.map_arrays import MapReader, TrailConfig, thinned, thinned_trail
 from albot_env.tasks.core.observation import DEFAULT_PARTS, ObservationConfig
 from albot_env.tasks.core.observation_builder import ObservationBuilder
@@ -42,8 +43,12 @@ from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, PlaceGraphConfig
 from albot_env.tasks.core.state import BatchState
 from albot_env.tasks.explore.env import ExploreEnv, ExploreVectorEnv
 from albot_env.tasks.explore.task import ExploreConfig
+from albot_env.tasks.homing.env import HomingEnv, HomingVectorEnv
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World
 from tests.env.conftest import drive
+from tests.env.quick import LOOP
 
 CONFIG = ObservationConfig(
     parts=("map_patch", "place_graph"),
@@ -197,7 +202,7 @@ def test_a_graph_without_places_is_shown_as_empty(two_rooms: World) -> None:
 
 
 def test_the_trail_fades_with_age_and_is_forgotten_in_the_end(two_rooms: World) -> None:
-    reader = MapReader(1, None, TRAIL)
+    reader = MapReader(1, None, TRAIL, reads_maps=False)
     reader.begin(0, 10.0)
     rows = np.zeros(1, np.int64)
     for x in np.arange(0.0, 6.0, 0.1):
@@ -206,11 +211,11 @@ def test_the_trail_fades_with_age_and_is_forgotten_in_the_end(two_rooms: World) 
     assert counts.tolist() == [8]
     np.testing.assert_allclose(np.diff(points[0, :, 0]), 0.5, atol=0.11)
     assert points[0, -1, 0] > 5.4
-    state = reader.state(0)
+    trail = reader.trail(0)
     reader.begin(0, 10.0)
     assert reader.arrays.trail.counts.tolist() == [0]
-    reader.set_state(0, state)
-    assert reader.state(0)["map.trail"].tolist() == state["map.trail"].tolist()
+    reader.set_trail(0, trail)
+    assert reader.trail(0).tolist() == trail.tolist()
     config = CONFIG.fitted(LaserGeometry(), None, mapper_spec("albot1"))
     builder = ObservationBuilder(1, config, LaserGeometry(), 0.25, Drawn(MapSnapshot()))
     builder.begin(0, two_rooms)
@@ -437,3 +442,28 @@ def test_a_branched_episode_observes_the_same_map(two_rooms: World) -> None:
     other.set_state(state)
     for wanted in onward:
         np.testing.assert_array_equal(other.step(action)[0], wanted)
+
+
+@pytest.mark.parametrize("mapper", ["albot1", "none", "gmapping"])
+def test_the_trail_of_the_outward_journey_is_seen_from_the_first_step_on(mapper: str) -> None:
+    """Alone as in a batch, also where the journey was made by robots without a map to observe."""
+    outing = OutwardJourneyConfig(shortest=6.0, longest=6.0, away=0.0)
+    blind = HomingConfig(outing=outing)
+    shown = replace(
+        blind, observations=replace(config_for(mapper).observations, coverage=CoverageConfig())
+    )
+    settings = {"mapper": mapper, "world": LOOP, "journeys": 1}
+    HomingEnv(config=blind, **settings).reset(seed=1)
+    env = HomingEnv(config=shown, **settings)
+    batch = HomingVectorEnv(2, config=shown, **settings)
+    seen, _ = env.reset(seed=1)
+    rows, _ = batch.reset(seed=[1, 2])
+    np.testing.assert_array_equal(rows[0], seen)
+    trail = env.observation_config.decode(MAP_PATCH, seen).channels["trail"]
+    assert (trail[1] > -1).sum() > 2
+    for _ in range(5):
+        action = np.array((0.3, 0.4, -1.0), np.float32)
+        seen, *_ = env.step(action)
+        rows, *_ = batch.step(np.stack((action, action)))
+        np.testing.assert_array_equal(rows[0], seen)
+    batch.close()
