@@ -31,7 +31,6 @@ import numpy as np
 import albot_env
 
 # The only names that are not reached by gymnasium or the command: configurations of environments.
-from albot_env.tasks.explore.claims import ClaimingActionConfig
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_env.tasks.homing.task import HomingConfig
@@ -162,9 +161,7 @@ def environment_runs() -> Iterator[Run]:
         ("Homing-v0", HomingConfig(radius=20.0), 0.005),
         (
             "ExploreAndHome-v0",
-            ExploreAndHomeConfig(
-                actions=ClaimingActionConfig(), shortest=10, longest=25, radius=20.0, ground=10.0
-            ),
+            ExploreAndHomeConfig(shortest=10, longest=25, radius=20.0, ground=10.0),
             0.004,
         ),
     ):

@@ -152,18 +152,37 @@ class ActionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeclaringActionConfig(ActionConfig):
-    """Speed and turn rate, and a third number that declares something."""
-
-    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "declare")
+class FlaggingActionConfig(ActionConfig):
+    """Speed and turn rate, and further numbers, each of which says something if it is high."""
 
     threshold: float = 0.5
-    """The action declares if its third number is above this."""
+    """A further number says what it is named after if it is above this."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_fields(self, FINITE, "threshold")
 
-    def declares(self, numbers: Numbers) -> Bool[np.ndarray, "robots"]:
-        """Return which actions declare."""
-        return np.asarray(numbers[:, 2] > self.threshold)
+    def flagged(self, numbers: Numbers, name: str) -> Bool[np.ndarray, "robots"]:
+        """Return which actions say what the number of this name stands for."""
+        return np.asarray(numbers[:, self.names.index(name)] > self.threshold)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaringActionConfig(FlaggingActionConfig):
+    """Speed and turn rate, and a third number that declares that the robot is home."""
+
+    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "declare")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClaimingActionConfig(FlaggingActionConfig):
+    """Speed and turn rate, and a third number that claims that the present place is known."""
+
+    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "claim")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionActionConfig(FlaggingActionConfig):
+    """Speed and turn rate, and two numbers: one declares home, one claims to know the place."""
+
+    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "declare", "claim")

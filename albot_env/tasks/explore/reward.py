@@ -9,9 +9,9 @@ import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
+from albot_env.tasks.core.claims import FALSE, RIGHT, judge_claim
 from albot_env.tasks.core.reward import Weights, set_reward
 from albot_env.tasks.core.state import update_stats
-from albot_env.tasks.explore.claims import FALSE, RIGHT, forget_claims, judge_claim
 
 
 class ExploreTerms(NamedTuple):
@@ -57,8 +57,6 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
     weights, cell_area, collided, state, progress, stats, claims = unpack(arguments)
     for i in rows:
         update_stats(i, cell_area, state, progress, stats)
-        if stats.steps[i] == 0:
-            forget_claims(i, claims)
         room, is_new = progress.room[i], progress.new_room[i]
         claim = judge_claim(
             i, stats.steps[i], stats.path_lengths[i], state.poses[i], room, is_new, claims

@@ -121,7 +121,7 @@ class ExploreAndHomeTask(DrivingTask):
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots with these actions, some of which may declare home."""
-        self._trips.declares[:] = self._config.actions.declares(numbers)
+        self._trips.declares[:] = self._config.actions.flagged(numbers, "declare")
         super().act(numbers)
 
     def _observe(self, rows: Int64[np.ndarray, "some"], thread: int) -> None:

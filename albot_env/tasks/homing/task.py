@@ -128,7 +128,7 @@ class HomingTask(DrivingTask):
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots with these actions, some of which may declare home."""
-        self._homing.declares[:] = self._config.actions.declares(numbers)
+        self._homing.declares[:] = self._config.actions.flagged(numbers, "declare")
         super().act(numbers)
 
     def close(self) -> None:

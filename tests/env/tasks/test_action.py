@@ -25,7 +25,7 @@ def _make(environment: str, action: str = "discrete") -> gymnasium.Env[Any, Any]
 def test_choices_drive_and_then_declare() -> None:
     choices = DeclaringActionConfig().choices
     assert choices[: len(DRIVING), :2].tolist() == [list(pair) for pair in DRIVING]
-    assert not DeclaringActionConfig().declares(choices[:-1]).any()
+    assert not DeclaringActionConfig().flagged(choices[:-1], "declare").any()
     assert choices[-1].tolist() == [0.0, 0.0, 1.0]
     assert ActionConfig().choice_space.n == len(DRIVING)
 

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from albot_env.tasks.explore.claims import (
+from albot_env.tasks.core.claims import (
     AGAIN,
     FALSE,
     NOTHING,
     RIGHT,
-    forget_claims,
     judge_claim,
     no_claims,
     with_room,
@@ -40,7 +39,6 @@ def _judged(world: World, *visits: tuple[int, int, int]) -> tuple[list[int], lis
     claims = with_room(claims, sum(readings for *_, readings in visits), 2)
     claims = claims._replace(barriers=with_barriers(NO_BARRIERS, world))
     claims.claims[:] = True
-    forget_claims(0, claims)
     reading, entered, outcomes = 0, set(), []
     for room, match, readings in visits:
         matched[0], judged = match, [NOTHING]
@@ -87,7 +85,6 @@ def test_claims_by_hand(
 def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: World) -> None:
     claims = with_room(no_claims(1, None), 100, 2)
     claims.claims[:] = True
-    forget_claims(0, claims)
     pose = np.zeros(3)
     steps = [(A, True), *3 * [(A, False)], (B, True), *3 * [(B, False)], *4 * [(A, False)]]
     judged = [

@@ -123,9 +123,9 @@ def test_there_is_room_for_every_reading_that_may_be_claimed() -> None:
     env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="albot1")
     env.reset(seed=1)
     task = env.unwrapped._robot  # type: ignore[attr-defined]
-    rooms = {task._claims.points.shape[1]}
+    rooms = {task._judge.table.points.shape[1]}
     while len(rooms) < 3:
         env.step(np.array((0.0, 1.0, -1.0), np.float32))
-        rooms.add(task._claims.points.shape[1])
+        rooms.add(task._judge.table.points.shape[1])
         assert max(rooms) > task.steps[0]
     env.close()

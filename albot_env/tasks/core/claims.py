@@ -12,21 +12,17 @@ of a visit do not count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Int64
 
 from albot_core.kernels.compiled import kernel
-from albot_env.tasks.core.actions import DeclaringActionConfig
-from albot_maps.same_place import NO_BARRIERS, Barriers, is_same_place
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClaimingActionConfig(DeclaringActionConfig):
-    """Speed and turn rate, and a third number that claims that the present place is known."""
-
-    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "claim")
+from albot_core.mappers.mapper import MapperBatch
+from albot_env.sim.world_cache import WorldCache
+from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
+from albot_maps import World
+from albot_maps.same_place import NO_BARRIERS, Barriers, is_same_place, with_barriers
 
 
 class Claims(NamedTuple):
@@ -47,6 +43,8 @@ class Claims(NamedTuple):
     """(n, readings) int32: room at each reading; -1 between rooms."""
     visits: np.ndarray
     """(n, readings) int32: number of the room visit at each reading, from 1; 0 before the first."""
+    before: np.ndarray
+    """(n,) int64: number of readings before the episode's first."""
     visit: np.ndarray
     """(n,) int64: number of the present visit."""
     room: np.ndarray
@@ -63,8 +61,12 @@ class Claims(NamedTuple):
     """(n, 3) int64: number of re-entries of rooms, of right claims, and of false claims."""
 
 
-KEPT_CLAIMS = ("claims", "visit", "room", "since", "returned", "judged", "recognized", "counts")
+_KEPT = (
+    "claims", "before", "visit", "room", "since", "returned", "judged", "recognized", "counts",
+)  # fmt: skip
 """The arrays of `Claims` with one value or row per robot that are the robot's own."""
+_VISITED = "points", "rooms", "visits"
+"""The arrays of `Claims` with one value per reading."""
 SETTLED = 1.0
 """Distance driven in a room before claims count (m): a mapper may notice that it is through a
 doorway a little before or after."""
@@ -92,6 +94,7 @@ def no_claims(robots: int, matched: np.ndarray | None) -> Claims:
         points=np.zeros((robots, readings, 2), np.float32),
         rooms=np.zeros((robots, readings), np.int32),
         visits=np.zeros((robots, readings), np.int32),
+        before=np.zeros(robots, np.int64),
         visit=np.zeros(robots, np.int64),
         room=np.full(robots, -1),
         since=np.zeros(robots),
@@ -118,25 +121,118 @@ def with_room(claims: Claims, readings: int, rooms: int) -> Claims:
     return claims
 
 
-@kernel()
-def forget_claims(i: int, c: Claims) -> None:
-    """Reset the claims of robot i."""
-    c.recognized[i] = False
-    c.counts[i] = 0
-    c.room[i] = -1
-    c.visit[i] = 0
-    c.returned[i] = c.judged[i] = False
+class ClaimJudge:
+    """Judges the claims of a task's robots.
+
+    The task calls `begin` for each episode, `hear` and `find_matches` in each step, and the
+    kernel `judge_claim` with `table`, once for each reading.
+
+    Args:
+        robots: Number of robots.
+        mappers: Their mappers; None without.
+    """
+
+    def __init__(self, robots: int, mappers: MapperBatch | None) -> None:
+        self._mappers = mappers
+        self._matches = mappers is not None and mappers.recognises_places
+        matched = mappers.matched_readings if mappers is not None and self._matches else None
+        self.table = no_claims(robots, matched)
+        """The claims of all robots; a new tuple whenever more readings or rooms need room."""
+        self._readings = 0
+        self._worlds = WorldCache(robots, self._add_barriers, self._forget_barriers)
+
+    def begin(self, row: int, world: World) -> None:
+        """Reset the claims of a robot whose next reading is its mapper's first."""
+        self._reserve(row, world)
+        table = self.table
+        table.recognized[row], table.counts[row], table.room[row] = False, 0, -1
+        table.before[row] = table.visit[row] = 0
+        table.claims[row] = table.returned[row] = table.judged[row] = False
+
+    def visited(self, row: int, readings: int) -> Arrays:
+        """Return where a robot has been in its first readings (copies): see `begin_after`."""
+        if not self._matches:
+            readings = 0
+        kept = copied_rows("claims", self.table, row, _KEPT)
+        places = copied_rows("claims", self.table, row, _VISITED)
+        return {**kept, **{name: array[:readings] for name, array in places.items()}}
+
+    def begin_after(self, row: int, world: World, visited: Arrays, readings: int) -> None:
+        """Begin an episode of a robot whose mapper remembers what it has seen before.
+
+        Args:
+            row: The robot.
+            world: Its world.
+            visited: What `visited` returned of the robot that made these readings.
+            readings: Number of readings before the first of the episode.
+        """
+        self.set_state(row, world, visited)
+        table = self.table
+        table.before[row], table.recognized[row], table.counts[row] = readings, False, 0
+        table.claims[row] = table.judged[row] = False
+
+    def hear(self, claims: Bool[np.ndarray, "robots"], steps: Int64[np.ndarray, "robots"]) -> None:
+        """Take the claims of a step that begins, `steps` after the episodes' beginnings."""
+        self.table.claims[:] = claims
+        if self._matches:
+            # A robot has no more readings than there were steps since the arrays had room.
+            self._readings += 1
+            if self._readings >= self.table.points.shape[1]:
+                self._readings = int((self.table.before + steps).max()) + 2
+                self.table = with_room(self.table, self._readings, 0)
+
+    def find_matches(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Let the mappers of those of some robots that claim find the readings that they match."""
+        claims = self.table
+        if self._matches and claims.claims.any():
+            assert self._mappers is not None
+            self._mappers.match_readings(rows[claims.claims[rows] & ~claims.judged[rows]])
+
+    @property
+    def facts(self) -> dict[str, np.ndarray]:
+        """The true values for `info`, one row per robot."""
+        returns, right, false = self.table.counts.T
+        return {"re_entries": returns, "right_claims": right, "false_claims": false}
+
+    def state(self, row: int, steps: int) -> Arrays:
+        """Return what the judgement of a robot's claims depends on (copies), after some steps."""
+        return self.visited(row, int(self.table.before[row]) + steps + 1)
+
+    def set_state(self, row: int, world: World, arrays: Arrays) -> None:
+        """Give a robot in a world what `state` returned."""
+        self._reserve(row, world)
+        if self._matches:
+            readings = len(arrays["claims.points"]) + 1
+            self.table = with_room(self.table, readings, 0)
+            self._readings = max(self._readings, readings)
+        put_rows("claims", self.table, row, arrays)
+
+    def _reserve(self, row: int, world: World) -> None:
+        """Make room for the claims of a robot in a world."""
+        self.table = with_room(self.table, 0, len(world.rooms))
+        if self._matches:
+            for other, number in self._worlds.enter(row, world):
+                self.table.worlds[other] = number
+
+    def _add_barriers(self, world: World) -> int:
+        """Add the barriers between one world's places; return the world's index."""
+        barriers = with_barriers(self.table.barriers, world)
+        self.table = self.table._replace(barriers=barriers)
+        return len(barriers.spans) - 1
+
+    def _forget_barriers(self) -> None:
+        self.table = self.table._replace(barriers=NO_BARRIERS)
 
 
 @kernel()
 def judge_claim(
-    i: int, reading: int, driven: float, pose: np.ndarray, room: int, is_new: bool, c: Claims
+    i: int, step: int, driven: float, pose: np.ndarray, room: int, is_new: bool, c: Claims
 ) -> int:
     """Update robot i's visits with its latest reading, and judge its claim.
 
     Args:
         i: Index of the robot.
-        reading: Index of the reading.
+        step: Number of steps since the episode began.
         driven: Path length so far (m).
         pose: True pose (3,) (world frame; m, rad).
         room: Index of the robot's room in its world; -1 between rooms.
@@ -151,7 +247,7 @@ def judge_claim(
         c.room[i], c.judged[i], c.since[i] = room, False, driven
         c.visit[i] += 1
         c.counts[i, 0] += not is_new
-    matches = c.points.shape[1] > 0
+    matches, reading = c.points.shape[1] > 0, c.before[i] + step
     if matches:
         c.points[i, reading, 0], c.points[i, reading, 1] = pose[0], pose[1]
         c.rooms[i, reading], c.visits[i, reading] = room, c.visit[i]
