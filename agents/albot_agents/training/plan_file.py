@@ -130,7 +130,6 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
     for k, stage in enumerate(plan.stages):
         place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
         settings = stage_settings(plan, stage, place)
-        _check_discount(plan, settings, place)
         batches.append(_try_out(plan, stage.env, settings, where.at("env"), place))
         check_spaces(batches[0], batches[-1], place)
     check_policy(plan.policy, batches[0].observation_config, batches[0].single_action_space, where)
@@ -218,15 +217,3 @@ def _try_out(
         raise InputError(place.source, error.expected, error.found, place=place_text) from None
     batch.close()
     return batch
-
-
-def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Location) -> None:
-    """Raise InputError if the reward's discount is not the learner's.
-
-    Potential-based shaping keeps the optimal policy only if both discount factors are equal.
-    """
-    weights = getattr(settings.get("config"), "weights", None)
-    discount = getattr(weights, "discount", plan.gamma)
-    if discount != plan.gamma:
-        place = where.at("config", "weights", "discount")
-        raise place.error(f"{plan.gamma:g}, the same as gamma", f"{discount:g}")

@@ -6,26 +6,19 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from albot_core.kernels.compiled import kernel
-from albot_core.ranges import FINITE, Range, check_fields
+from albot_core.ranges import FINITE, check_fields
 from albot_env.tasks.core.state import EpisodeStats
-
-_DISCOUNT = Range("a number within (0, 1]", 0.0, 1.0, beyond=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """Weights of a reward's terms, each in the field of its name.
-
-    A field `discount`, if present, is not a term but the learner's discount factor.
-    """
+    """Weights of a reward's terms, each in the field of its name."""
 
     terms: ClassVar[Any]
     """The terms in order: a NamedTuple of numbers, in the form that compiled code takes."""
 
     def __post_init__(self) -> None:
         check_fields(self, FINITE, *vars(self))
-        if hasattr(self, "discount"):
-            check_fields(self, _DISCOUNT, "discount")
 
     @property
     def values(self) -> Any:

@@ -35,7 +35,7 @@ class ExploreWeights(Weights):
     """For every square metre of ground truly covered for the first time (1/m²)."""
     room: float = 1.0
     """For every room truly entered for the first time."""
-    place_recognized: float = 0.5
+    place_recognized: float = 1.0
     """For the first right claim in a room (see `claims`). It is paid once per room, since otherwise
     driving in and out of one room would be the best policy."""
     place_mistaken: float = -1.0

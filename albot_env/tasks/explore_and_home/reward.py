@@ -9,6 +9,7 @@ import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
+from albot_env.tasks.core.claims import FALSE, RIGHT, judge_claim
 from albot_env.tasks.core.reward import Weights, set_reward
 from albot_env.tasks.core.state import update_stats
 from albot_env.tasks.core.way_home import is_home, judge_way_home, update_way_home
@@ -23,6 +24,8 @@ class ExploreAndHomeTerms(NamedTuple):
     false_declaration: float
     late: float
     progress: float
+    place_recognized: float
+    place_mistaken: float
     collision: float
     time: float
 
@@ -31,12 +34,10 @@ class ExploreAndHomeTerms(NamedTuple):
 class ExploreAndHomeWeights(Weights):
     """Weights of the terms of the reward for exploring and coming home. The reward is their sum.
 
-    Progress is shaped by a potential that grows with time (Devlin and Kudenko, Dynamic
+    Progress is the difference of a potential that grows with time (Devlin and Kudenko, Dynamic
     potential-based reward shaping, AAMAS 2012): Φ = -`progress` · true way home (m) · share of the
-    budget that is spent, and 0 once the episode is over. It lets the robot go away at first and
-    draws it home towards the end. As in `HomingWeights`, the discounted terms sum to -Φ of the
-    beginning, which is 0, whatever the robot did: the best policy is the same as without
-    shaping.
+    budget that is spent. It lets the robot go away at first and draws it home towards the end. Its
+    plain sum over an episode is Φ at the end, whatever the robot did before (see `HomingWeights`).
     """
 
     terms: ClassVar[Any] = ExploreAndHomeTerms
@@ -53,13 +54,14 @@ class ExploreAndHomeWeights(Weights):
     """For no declaration before the budget is spent."""
     progress: float = 0.1
     """For every metre by which the way home gets shorter when time is up (1/m), see above."""
+    place_recognized: float = 1.0
+    """For the first right claim in a room, if the agent claims (see `claims`)."""
+    place_mistaken: float = -1.0
+    """For every false claim."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = 0.0
     """For every second that passes (1/s); 0 because the budget already limits the time."""
-    discount: float = 0.995
-    """The learner's discount factor γ per step. If the learner uses another one, the best policy
-    may change."""
 
 
 class ExploreAndHomeStats(NamedTuple):
@@ -122,11 +124,11 @@ def new_explore_and_home_stats(robots: int) -> ExploreAndHomeStats:
 def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
     """Update statistics and rewards of robots at the end of a step of `elapsed` (s).
 
-    `arguments` holds the weights (`ExploreAndHomeTerms`), the discount, `Rules`, the area (m²) of a
-    coverage cell, whether each robot touched something (n,), `DistanceFields`, `BatchState`,
-    `Progress`, `EpisodeStats` and `ExploreAndHomeStats`.
+    `arguments` holds the weights (`ExploreAndHomeTerms`), `Rules`, the area (m²) of a coverage
+    cell, whether each robot touched something (n,), `DistanceFields`, `BatchState`,
+    `ExplorationProgress`, `EpisodeStats`, `ExploreAndHomeStats` and `Claims`.
     """
-    weights, discount, rules, cell_area, collided, fields, state, progress, stats, trip = unpack(
+    weights, rules, cell_area, collided, fields, state, progress, stats, trip, claims = unpack(
         arguments
     )
     for i in rows:
@@ -135,6 +137,8 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
         pose, start = state.poses[i], stats.starts[i]
         update_way_home(i, pose[0], pose[1], fields, trip)
         trip.declared[i] = trip.success[i] = trip.ended[i] = False
+        room, is_new = progress.room[i], progress.new_room[i]
+        claim = judge_claim(i, steps, stats.path_lengths[i], pose, room, is_new, claims)
         if steps == 0:
             trip.farthest[i] = 0.0
         else:
@@ -145,9 +149,7 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
             trip.success[i] = success
             trip.ended[i] = ended = declared or steps >= budget
             # The weight of the way home grows with time: see `ExploreAndHomeWeights`.
-            drawn = before * (steps - 1) / budget
-            if not ended:
-                drawn -= discount * trip.distances[i] * steps / budget
+            drawn = (before * (steps - 1) - trip.distances[i] * steps) / budget
             terms = ExploreAndHomeTerms(
                 coverage=weights.coverage * progress.new_ground[i] * cell_area,
                 room=weights.room if progress.new_room[i] else 0.0,
@@ -155,6 +157,8 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
                 false_declaration=weights.false_declaration if declared and not success else 0.0,
                 late=weights.late if ended and not declared else 0.0,
                 progress=weights.progress * drawn,
+                place_recognized=weights.place_recognized if claim == RIGHT else 0.0,
+                place_mistaken=weights.place_mistaken if claim == FALSE else 0.0,
                 collision=weights.collision if collided[i] else 0.0,
                 time=weights.time * elapsed,
             )

@@ -13,7 +13,13 @@ from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from albot_env.sim.simulator import CONTROL_STEP
-from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
+from albot_env.tasks.core.actions import (
+    DeclaringActionConfig,
+    FlaggingActionConfig,
+    MissionActionConfig,
+    Numbers,
+)
+from albot_env.tasks.core.claims import ClaimJudge, Claims
 from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import EXPLORE_AND_HOME_PARTS, ObservationConfig
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
@@ -43,6 +49,8 @@ class ExploreAndHomeConfig:
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """Speed and turn rate of actions, and the declaration."""
+    claims: bool = False
+    """Whether actions have a fourth number, which claims that the place is known (see `claims`)."""
     observations: ObservationConfig = field(
         default_factory=lambda: ObservationConfig(parts=EXPLORE_AND_HOME_PARTS)
     )
@@ -91,12 +99,15 @@ class ExploreAndHomeTask(DrivingTask):
         config: ExploreAndHomeConfig | None = None,
     ) -> None:
         config = chosen_config(config, ExploreAndHomeConfig, self.environment)
-        super().__init__(
-            robots, equipment, actions=config.actions, observations=config.observations
-        )
+        actions: FlaggingActionConfig = config.actions
+        if config.claims:
+            actions = MissionActionConfig(**vars(config.actions))
+        super().__init__(robots, equipment, actions=actions, observations=config.observations)
+        self._flags = actions
         self._config = config
         self._distance_fields = DistanceFieldCache()
         self._arguments = ArgumentsCache(self._reward_arguments)
+        self._judge = ClaimJudge(robots, self._mappers)
         self._fields = empty_fields(robots)
         self._field_copies = FieldCopies(robots)
         self._trips = new_explore_and_home_stats(robots)
@@ -105,23 +116,28 @@ class ExploreAndHomeTask(DrivingTask):
         """Start a new episode with an empty map and a random time budget for a robot."""
         time = rng.uniform(self._config.shortest, self._config.longest)
         super().begin(row, world, start, rng)
+        self._judge.begin(row, world)
         self._trips.budgets[row] = max(1, round(time / CONTROL_STEP))
         self._fields = with_field(self._fields, row, self._distance_fields.find(world, start))
         update_way_home(row, float(start[0]), float(start[1]), self._fields, self._trips)
 
     def _task_state(self, row: int) -> Arrays:
         return {
+            **self._judge.state(row, int(self._stats.steps[row])),
             **copied_rows("trips", self._trips, row),
             **self._field_copies.of(self._fields, row),
         }
 
     def _set_task_state(self, row: int, world: World, arrays: Arrays) -> None:
+        self._judge.set_state(row, world, arrays)
         put_rows("trips", self._trips, row, arrays)
         self._fields = with_field_rows(self._fields, row, arrays)
 
     def act(self, numbers: Numbers) -> None:
-        """Run one control step of all robots with these actions, some of which may declare home."""
-        self._trips.declares[:] = self._config.actions.flagged(numbers, "declare")
+        """Run one control step of all robots; some actions may declare home, or claim."""
+        self._trips.declares[:] = self._flags.flagged(numbers, "declare")
+        claims = self._flags.flagged(numbers, "claim") if self._config.claims else self._never
+        self._judge.hear(claims, self._stats.steps)
         super().act(numbers)
 
     def _observe(self, rows: Int64[np.ndarray, "some"], thread: int) -> None:
@@ -130,16 +146,16 @@ class ExploreAndHomeTask(DrivingTask):
         super()._observe(rows, thread)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
-        arguments = self._arguments.arguments(self._fields)
+        self._judge.find_matches(rows)
+        arguments = self._arguments.arguments(self._fields, self._judge.table)
         compute_reward(rows, arguments, CONTROL_STEP)
 
-    def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
+    def _reward_arguments(self, fields: DistanceFields, claims: Claims) -> tuple[Any, ...]:
         """Return the arguments of `compute_reward`."""
         config, weights = self._config, self._config.weights
         rules = Rules(config.radius, config.ground, config.share)
         return (
             weights.values,
-            weights.discount,
             rules,
             self._cell_area,
             self.collided,
@@ -148,6 +164,7 @@ class ExploreAndHomeTask(DrivingTask):
             self._builder.progress,
             self._stats,
             self._trips,
+            claims,
         )
 
     @property
@@ -156,16 +173,24 @@ class ExploreAndHomeTask(DrivingTask):
         return self._trips.ended
 
     @property
+    def _claim_facts(self) -> dict[str, np.ndarray]:
+        return self._judge.facts if self._config.claims else {}
+
+    @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
         trips = self._trips
-        return super().facts | {
-            "is_success": trips.success,
-            "declared": trips.declared,
-            "spl": trips.spl,
-            "soft_spl": trips.soft_spl,
-            "distance_home": trips.distances,
-            "farthest_distance_home": trips.farthest,
-            "next_turn_home": trips.turns,
-            "time_left": self._state.time_left,
-        }
+        return (
+            super().facts
+            | self._claim_facts
+            | {
+                "is_success": trips.success,
+                "declared": trips.declared,
+                "spl": trips.spl,
+                "soft_spl": trips.soft_spl,
+                "distance_home": trips.distances,
+                "farthest_distance_home": trips.farthest,
+                "next_turn_home": trips.turns,
+                "time_left": self._state.time_left,
+            }
+        )

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse
@@ -24,10 +25,12 @@ from albot_core.ranges import Range, check_fields
 from albot_core.robot import RobotConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.claims import ClaimJudge, judge_claim
 from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import JourneyCache, Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.row_arrays import Arrays
 from albot_env.tasks.core.settings import NO_MAPPER, Equipment
 from albot_maps import World
 from albot_maps.geodesic import DistanceField
@@ -62,6 +65,10 @@ class OutwardJourney:
     """World of the journey."""
     end: EpisodeSnapshot
     """State of the robot at the end."""
+    visited: Arrays
+    """Where it has been: see `ClaimJudge.visited`."""
+    readings: int
+    """Number of readings that it has taken."""
     field: DistanceField
     """Geodesic distances home from everywhere."""
     cut_short: bool
@@ -119,7 +126,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         others = (part for part in observations.parts if part != "place_graph")
         parts = dict.fromkeys((*others, "coverage", "map_patch"))
         patch = replace(observations.map_patch, sides=(1.0,), cells=2, channels=("home",))
-        self._follower = DrivingTask(
+        self._follower = _Follower(
             1,
             replace(equipment, threads=1),
             actions=ActionConfig(),
@@ -139,14 +146,50 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         follower.begin(0, spec.world, spec.start, _noise(spec))
         follower.observe()
         for command in route.commands:
-            follower.drive(command[np.newaxis])
-            follower.observe()
+            follower.follow(command)
+        readings = len(route.commands) + 1
         return OutwardJourney(
             world=spec.world,
             end=follower.episode_snapshot(0),
+            visited=follower.judge.visited(0, readings),
+            readings=readings,
             field=route.field,
             cut_short=route.cut_short,
         )
+
+
+class _Follower(DrivingTask):
+    """A robot that drives a given way, and of which is remembered where it has been."""
+
+    def __init__(self, robots: int, equipment: Equipment, **configs: Any) -> None:
+        super().__init__(robots, equipment, **configs)
+        self.judge = ClaimJudge(robots, self._mappers)
+        """What it has visited; it claims nothing."""
+
+    def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
+        """Start with an empty map; call `observe` before anything else."""
+        super().begin(row, world, start, rng)
+        self.judge.begin(row, world)
+
+    def follow(self, command: Float64[np.ndarray, "2"]) -> None:
+        """Make one control step with a speed (m/s) and a turn rate (rad/s), and observe."""
+        self.judge.hear(self._never, self._stats.steps)
+        self.drive(command[np.newaxis])
+        self.observe()
+
+    def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
+        super()._compute_rewards(rows)
+        progress, stats = self._builder.progress, self._stats
+        for row in rows.tolist():
+            judge_claim(
+                row,
+                int(stats.steps[row]),
+                float(stats.path_lengths[row]),
+                self._state.poses[row],
+                int(progress.room[row]),
+                bool(progress.new_room[row]),
+                self.judge.table,
+            )
 
 
 class _Guide:

@@ -11,6 +11,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
+from albot_env.tasks.core.claims import FALSE, RIGHT, judge_claim
 from albot_env.tasks.core.reward import Weights, set_reward
 from albot_env.tasks.core.state import update_stats
 from albot_env.tasks.core.way_home import is_home, judge_way_home, update_way_home
@@ -23,6 +24,8 @@ class HomingTerms(NamedTuple):
     false_declaration: float
     progress: float
     facing: float
+    place_recognized: float
+    place_mistaken: float
     collision: float
     time: float
 
@@ -31,13 +34,15 @@ class HomingTerms(NamedTuple):
 class HomingWeights(Weights):
     """Weights of the terms of the homing reward. The reward is their sum.
 
-    Two terms are potential-based shaping (Ng, Harada and Russell, Policy invariance under reward
-    transformations, ICML 1999). Progress has the potential Φ = -`progress` · true way home (m).
-    Facing has Φ = -`facing` · (1 - cos α) / 2, where α is the angle from the robot's heading to
-    the next turn of the true way home. Both potentials are 0 once home is declared. A step's term
-    is `discount` · Φ after it - Φ before it. So the discounted terms of an episode that ends with a
-    declaration sum to -Φ of its beginning, whatever path the robot took, and the best policy is
-    the same as without shaping.
+    Two terms are differences of potentials: a step's term is Φ after it - Φ before it. Progress
+    has Φ = -`progress` · true way home (m). Facing has Φ = -`facing` · (1 - cos α) / 2, where α is
+    the angle from the robot's heading to the next turn of the true way home. So the plain sum of
+    an episode's terms depends on nothing but where the robot began and where it ended: driving to
+    and fro, or waiting, gains nothing, and whoever adds up rewards ranks policies as a learner
+    does that discounts them. Ng, Harada and Russell (Policy invariance under reward
+    transformations, ICML 1999) multiply Φ after a step by the learner's discount γ, which leaves
+    the best policy as it is without shaping. Here a learner with γ < 1 also sees a cost of (1 - γ)
+    Φ for each step away from home, as if `time` cost a little more there.
     """
 
     terms: ClassVar[Any] = HomingTerms
@@ -51,13 +56,14 @@ class HomingWeights(Weights):
     facing: float = 0.5
     """For turning from facing away from the way home to facing it, see above. Without it, learners
     that start facing the wrong way drive on rather than turn."""
+    place_recognized: float = 1.0
+    """For the first right claim in a room, if the agent claims (see `claims`)."""
+    place_mistaken: float = -1.0
+    """For every false claim."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = -0.01
     """For every second that passes (1/s)."""
-    discount: float = 0.995
-    """The learner's discount factor γ per step. If the learner uses another one, the best policy
-    may change."""
 
 
 class HomingStats(NamedTuple):
@@ -106,11 +112,11 @@ def new_homing_stats(robots: int) -> HomingStats:
 def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
     """Update statistics and rewards of robots at the end of a step of `elapsed` (s).
 
-    `arguments` holds the weights (`HomingTerms`), the discount, the radius of home (m), the area
-    (m²) of a coverage cell, whether each robot touched something (n,), `DistanceFields`,
-    `BatchState`, `Progress`, `EpisodeStats` and `HomingStats`.
+    `arguments` holds the weights (`HomingTerms`), the radius of home (m), the area (m²) of a
+    coverage cell, whether each robot touched something (n,), `DistanceFields`, `BatchState`,
+    `ExplorationProgress`, `EpisodeStats`, `HomingStats` and `Claims`.
     """
-    weights, discount, radius, cell_area, collided, fields, state, progress, stats, homing = unpack(
+    weights, radius, cell_area, collided, fields, state, progress, stats, homing, claims = unpack(
         arguments
     )
     for i in rows:
@@ -120,6 +126,10 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
         update_way_home(i, pose[0], pose[1], fields, homing)
         homing.aversions[i] = _aversion(pose, homing.turns[i])
         homing.declared[i] = homing.success[i] = False
+        room, is_new = progress.room[i], progress.new_room[i]
+        claim = judge_claim(
+            i, stats.steps[i], stats.path_lengths[i], state.poses[i], room, is_new, claims
+        )
         if stats.steps[i] == 0:
             homing.initial[i], homing.driven[i] = homing.distances[i], 0.0
         else:
@@ -128,14 +138,13 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
                 homing.declared[i] = True
                 homing.success[i] = is_success(pose, start, radius)
             declared, success = homing.declared[i], homing.success[i]
-            # The potentials are 0 once home is declared: see `HomingWeights`.
-            after = 0.0 if declared else homing.distances[i]
-            averse_after = 0.0 if declared else homing.aversions[i]
             terms = HomingTerms(
                 success=weights.success if success else 0.0,
                 false_declaration=weights.false_declaration if declared and not success else 0.0,
-                progress=weights.progress * (before - discount * after),
-                facing=weights.facing * (averse - discount * averse_after),
+                progress=weights.progress * (before - homing.distances[i]),
+                facing=weights.facing * (averse - homing.aversions[i]),
+                place_recognized=weights.place_recognized if claim == RIGHT else 0.0,
+                place_mistaken=weights.place_mistaken if claim == FALSE else 0.0,
                 collision=weights.collision if collided[i] else 0.0,
                 time=weights.time * elapsed,
             )

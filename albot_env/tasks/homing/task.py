@@ -13,7 +13,13 @@ from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
-from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
+from albot_env.tasks.core.actions import (
+    DeclaringActionConfig,
+    FlaggingActionConfig,
+    MissionActionConfig,
+    Numbers,
+)
+from albot_env.tasks.core.claims import ClaimJudge, Claims
 from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
@@ -45,6 +51,8 @@ class HomingConfig:
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """Speed and turn rate of actions, and the declaration."""
+    claims: bool = False
+    """Whether actions have a fourth number, which claims that the place is known (see `claims`)."""
     observations: ObservationConfig = field(
         default_factory=lambda: ObservationConfig(parts=HOMING_PARTS)
     )
@@ -85,11 +93,14 @@ class HomingTask(DrivingTask):
         journeys: int = 0,
     ) -> None:
         config = chosen_config(config, HomingConfig, self.environment)
-        super().__init__(
-            robots, equipment, actions=config.actions, observations=config.observations
-        )
+        actions: FlaggingActionConfig = config.actions
+        if config.claims:
+            actions = MissionActionConfig(**vars(config.actions))
+        super().__init__(robots, equipment, actions=actions, observations=config.observations)
+        self._flags = actions
         self._config = config
         self._arguments = ArgumentsCache(self._reward_arguments)
+        self._judge = ClaimJudge(robots, self._mappers)
         self.journeys = self._outward_journeys = OutwardJourneys(
             self.environment, equipment, config.observations, config.outing, journeys
         )
@@ -106,6 +117,7 @@ class HomingTask(DrivingTask):
         # Robots that share a journey must not share the noise after it.
         self.restore(row, world, journey.end, draw_key(rng) if self._shared else None)
         self.begin_return(row)
+        self._judge.begin_after(row, world, journey.visited, journey.readings)
         self._outward_lengths[row] = journey.end.path_length
         self._cut_short[row] = journey.cut_short
         self._fields = with_field(self._fields, row, journey.field)
@@ -114,6 +126,7 @@ class HomingTask(DrivingTask):
 
     def _task_state(self, row: int) -> Arrays:
         return {
+            **self._judge.state(row, int(self._stats.steps[row])),
             **copied_rows("homing", self._homing, row),
             **self._field_copies.of(self._fields, row),
             "outward.length": np.array(self._outward_lengths[row]),
@@ -121,14 +134,17 @@ class HomingTask(DrivingTask):
         }
 
     def _set_task_state(self, row: int, world: World, arrays: Arrays) -> None:
+        self._judge.set_state(row, world, arrays)
         put_rows("homing", self._homing, row, arrays)
         self._fields = with_field_rows(self._fields, row, arrays)
         self._outward_lengths[row] = arrays["outward.length"]
         self._cut_short[row] = arrays["outward.cut_short"]
 
     def act(self, numbers: Numbers) -> None:
-        """Run one control step of all robots with these actions, some of which may declare home."""
-        self._homing.declares[:] = self._config.actions.flagged(numbers, "declare")
+        """Run one control step of all robots; some actions may declare home, or claim."""
+        self._homing.declares[:] = self._flags.flagged(numbers, "declare")
+        claims = self._flags.flagged(numbers, "claim") if self._config.claims else self._never
+        self._judge.hear(claims, self._stats.steps)
         super().act(numbers)
 
     def close(self) -> None:
@@ -137,13 +153,14 @@ class HomingTask(DrivingTask):
         self._outward_journeys.close()
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
-        compute_reward(rows, self._arguments.arguments(self._fields), CONTROL_STEP)
+        self._judge.find_matches(rows)
+        arguments = self._arguments.arguments(self._fields, self._judge.table)
+        compute_reward(rows, arguments, CONTROL_STEP)
 
-    def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
+    def _reward_arguments(self, fields: DistanceFields, claims: Claims) -> tuple[Any, ...]:
         """Return the arguments of `compute_reward`."""
         return (
             self._config.weights.values,
-            self._config.weights.discount,
             self._config.radius,
             self._cell_area,
             self.collided,
@@ -152,6 +169,7 @@ class HomingTask(DrivingTask):
             self._builder.progress,
             self._stats,
             self._homing,
+            claims,
         )
 
     @property
@@ -160,18 +178,26 @@ class HomingTask(DrivingTask):
         return self._homing.declared
 
     @property
+    def _claim_facts(self) -> dict[str, np.ndarray]:
+        return self._judge.facts if self._config.claims else {}
+
+    @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
         homing = self._homing
-        return super().facts | {
-            "is_success": homing.success,
-            "declared": homing.declared,
-            "spl": homing.spl,
-            "soft_spl": homing.soft_spl,
-            "distance_home": homing.distances,
-            "initial_distance_home": homing.initial,
-            "next_turn_home": homing.turns,
-            "way_driven": homing.driven,
-            "outward_length": self._outward_lengths,
-            "outward_cut_short": self._cut_short,
-        }
+        return (
+            super().facts
+            | self._claim_facts
+            | {
+                "is_success": homing.success,
+                "declared": homing.declared,
+                "spl": homing.spl,
+                "soft_spl": homing.soft_spl,
+                "distance_home": homing.distances,
+                "initial_distance_home": homing.initial,
+                "next_turn_home": homing.turns,
+                "way_driven": homing.driven,
+                "outward_length": self._outward_lengths,
+                "outward_cut_short": self._cut_short,
+            }
+        )

@@ -108,10 +108,6 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"env": {"maper": "none"}}, "env.maper: expected one of .*did you mean mapper"),
         ({"env": {"config": {"radus": 2}}}, "env.config.radus: .*did you mean radius"),
         ({"env": {"config": {"radius": -1}}}, "env.config.radius: expected a positive number"),
-        (
-            {"env": {"config": {"weights": {"discount": 0.9}}}},
-            "discount: expected 0.995, the same as gamma",
-        ),
         ({"env": {"movables": 1}}, "env.movables: expected true or false, found 1"),
         (
             {"env": {"observation": "dict"}},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from albot_env.tasks.core.claims import (
 )
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_env.tasks.explore.task import ExploreConfig
+from albot_env.tasks.homing.env import HomingEnv
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World
 from albot_maps.same_place import NO_BARRIERS, with_barriers
 
@@ -147,8 +151,8 @@ def test_a_right_claim_is_worth_something_and_a_false_one_costs(
         (7.0, -1.0, (0, 0, 0), 0.0),  # Silent.
         (6.5, 1.0, (0, 0, 1), -1.0),  # The east is new.
         (3.0, -1.0, (1, 0, 1), 0.0),
-        (2.0, 1.0, (1, 1, 1), 0.5),  # The west is not.
-        (7.0, 1.0, (2, 2, 1), 0.5),
+        (2.0, 1.0, (1, 1, 1), 1.0),  # The west is not.
+        (7.0, 1.0, (2, 2, 1), 1.0),
         (3.0, 1.0, (3, 3, 1), 0.0),  # The west was recognised before.
     ):
         infos = _drive_to(env, x, claim)
@@ -165,3 +169,36 @@ def test_without_claims_nothing_is_claimed(two_rooms: World) -> None:
     env.reset(seed=1, options={"start": 0})
     info = env.step(np.array((1, 1), np.float32))[4]
     assert info["false_claims"] == info["reward_terms"]["place_mistaken"] == 0
+
+
+def test_what_was_seen_on_the_way_out_can_be_recognised_on_the_way_home(two_rooms: World) -> None:
+    """Correct places and an ideal odometer: the room that the robot left on its way out."""
+    outing = OutwardJourneyConfig(shortest=9.0, longest=9.0, away=3.0)
+    mapper = "tests.core.mappers.topological:topological"
+    config = HomingConfig(outing=outing, claims=True)
+    for seed in range(20):
+        env = HomingEnv(two_rooms, mapper=mapper, odometer="ideal", config=config)
+        _, info = env.reset(seed=seed, options={"start": 0})
+        if info["room"] != "east":
+            continue
+        assert env.action_space.shape == (4,)
+        earned = 0.0
+        for goal in ((6.0, 2.0), (4.0, 2.0), (2.0, 2.0)):
+            while math.dist(goal, info["pose"][:2]) > 0.3:
+                x, y, heading = info["pose"]
+                turn = math.remainder(math.atan2(goal[1] - y, goal[0] - x) - heading, 2 * math.pi)
+                speed = 0.6 * max(0.0, math.cos(turn)) ** 4
+                claim = 1.0 if env._robot.matched_reading(0) >= 0 else -1.0
+                action = np.array((speed, np.clip(turn, -0.5, 0.5), -1.0, claim), np.float32)
+                info = env.step(action)[4]
+                earned += info["reward_terms"]["place_recognized"]
+        assert earned == 1.0
+        assert (info["re_entries"], info["right_claims"], info["false_claims"]) == (1, 1, 0)
+        assert not info["declared"]
+        state = env.get_state()
+        later = env.step(np.array((1.0, 0.0, -1.0, 1.0), np.float32))
+        env.set_state(state)
+        again = env.step(np.array((1.0, 0.0, -1.0, 1.0), np.float32))
+        assert later[1] == again[1]
+        return
+    pytest.fail("no journey led to the other room")

@@ -90,9 +90,9 @@ def test_home_is_home_within_the_radius(two_rooms: World) -> None:
 
 @pytest.mark.parametrize("declares", [False, True])
 def test_progress_sums_to_a_difference_of_potentials(two_rooms: World, declares: bool) -> None:
-    """The discounted terms Σ γᵗ (γ Φ' - Φ) are γⁿ Φ(end) - Φ(begin); once declared Φ is 0."""
-    discount, weight = 0.9, 0.7
-    weights = HomingWeights(progress=weight, discount=discount)
+    """However the robot drives, and whether it declares."""
+    weight = 0.7
+    weights = HomingWeights(progress=weight)
     env = _make(two_rooms, config=HomingConfig(weights=weights, outing=FAR.outing))
     _, info = env.reset(seed=2)
     begin = -weight * info["distance_home"]
@@ -102,9 +102,8 @@ def test_progress_sums_to_a_difference_of_potentials(two_rooms: World, declares:
         if declares and step == 39:
             action[2] = 1
         info = env.step(action)[4]
-        total += discount**step * info["reward_terms"]["progress"]
-    end = 0.0 if declares else -weight * info["distance_home"]
-    assert total == pytest.approx(discount**40 * end - begin, abs=1e-9)
+        total += info["reward_terms"]["progress"]
+    assert total == pytest.approx(-weight * info["distance_home"] - begin, abs=1e-9)
     assert abs(info["distance_home"] - info["initial_distance_home"]) > 0.05
 
 
@@ -116,17 +115,16 @@ def _aversion(info: dict[str, Any]) -> float:
 
 @pytest.mark.parametrize("declares", [False, True])
 def test_facing_sums_to_a_difference_of_potentials(two_rooms: World, declares: bool) -> None:
-    discount, weight = 0.9, 0.7
-    weights = HomingWeights(facing=weight, discount=discount)
+    weight = 0.7
+    weights = HomingWeights(facing=weight)
     env = _make(two_rooms, config=HomingConfig(weights=weights, outing=FAR.outing))
     _, info = env.reset(seed=2)
     begin, total = -weight * _aversion(info), 0.0
     for step in range(20):
         action = np.array((0, 0.8, 1 if declares and step == 19 else -1), np.float32)
         info = env.step(action)[4]
-        total += discount**step * info["reward_terms"]["facing"]
-    end = 0.0 if declares else -weight * _aversion(info)
-    assert total == pytest.approx(discount**20 * end - begin, abs=1e-9)
+        total += info["reward_terms"]["facing"]
+    assert total == pytest.approx(-weight * _aversion(info) - begin, abs=1e-9)
     assert abs(begin + weight * _aversion(info)) > 0.05
 
 
@@ -298,7 +296,6 @@ def test_an_episode_can_be_recorded(two_rooms: World, tmp_path: Any) -> None:
         (lambda: OutwardJourneyConfig(away=-1.0), "away"),
         (lambda: OutwardJourneyConfig(longest=2e9), r"longest: expected a number within \[0, 1000"),
         (lambda: HomingConfig(radius=0.0), "radius"),
-        (lambda: HomingWeights(discount=1.5), "discount"),
         (lambda: HomingWeights(success=float("inf")), "success"),
         (lambda: _make("square-loop", journeys=-1), "journeys"),
     ],
