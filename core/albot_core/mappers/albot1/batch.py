@@ -322,12 +322,8 @@ class Albot1Batch:
         self._versions[row] = self._networks[row].version if kept["is_current"] else -1
 
     def _forget_ways(self, row: int) -> None:
-<<<<<<< HEAD
         """Mark the way home as outdated, because the network was replaced."""
-=======
-        """Another network: the way home must be found anew."""
         self._graphs[row] = None
->>>>>>> 
         self._versions[row] = self._expecting[row] = -1
         self._note_places(row)
 
