@@ -7,16 +7,18 @@ Importing this package registers its environments with gymnasium. A new task is 
 import gymnasium
 
 _TASKS = (
-    # Name, folder in `albot_env.tasks`, steps after which an episode is truncated.
-    ("Explore", "explore", 6000),
-    ("Homing", "homing", 3000),
-    ("ExploreAndHome", "explore_and_home", None),
-    ("PlaceRecognition", "place_recognition", None),
+    # Id, class, folder in `albot_env.tasks`, steps after which an episode is truncated.
+    ("Explore-v0", "Explore", "explore", 6000),
+    ("Homing-v0", "Homing", "homing", 3000),
+    ("HomingByMap-v0", "HomingByMap", "homing_by_map", 3000),
+    ("ExploreAndHome-v0", "ExploreAndHome", "explore_and_home", None),
+    ("ExploreAndHome-v1", "Mission", "mission", None),
+    ("PlaceRecognition-v0", "PlaceRecognition", "place_recognition", None),
 )
 
-for _name, _folder, _steps in _TASKS:
+for _id, _name, _folder, _steps in _TASKS:
     gymnasium.register(
-        id=f"Albot/{_name}-v0",
+        id=f"Albot/{_id}",
         entry_point=f"albot_env.tasks.{_folder}.env:{_name}Env",
         vector_entry_point=f"albot_env.tasks.{_folder}.env:{_name}VectorEnv",
         max_episode_steps=_steps,

@@ -17,8 +17,9 @@ from albot_env.tasks.core.actions import DRIVING, ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
 Action = Float32[np.ndarray, "numbers"]
-"""Speed and turn rate as shares of what the environment allows, in [-1, 1]. A third number above
-0.5 declares home in `Albot/Homing-v0`, and claims to know the place in `Albot/Explore-v0`."""
+"""Speed and turn rate as shares of what the environment allows, in [-1, 1], and further numbers,
+each of which says what it is named after if it is above 0.5 (`ActionConfig.names`): `declare`, that
+the robot is home; `claim`, that it knows the place."""
 
 
 @runtime_checkable
@@ -105,23 +106,29 @@ class Commands:
         self._lacking = np.zeros(2)
         self._flagged = False
 
-    def action(self, command: Command, *, flag: bool = False) -> Action | np.int64:
+    def action(self, command: Command, says: str = "") -> Action | np.int64:
         """Return the action for a command: speed (m/s) and turn rate (rad/s).
 
         Args:
             command: The command.
-            flag: Whether the third number declares home, or claims to know the place. A discrete
-                action that does so also stops the robot, so of several in a row only the first
+            says: Name of the further number that is to be high: `declare` or `claim`. Where the
+                environment's actions have none of this name, nothing is said. A discrete action
+                that says something also stops the robot, so of several in a row only the first
                 does.
         """
         shares = self._config.shares(command)
+        names = self._config.names
+        place = names.index(says) if says in names else 0
         if not self._is_discrete:
-            action = np.full(self._numbers, 1.0 if flag else -1.0, np.float32)
+            action = np.full(self._numbers, -1.0, np.float32)
             action[:2] = shares
+            if place and place < self._numbers:
+                action[place] = 1.0
             return action
-        is_first, self._flagged = flag and not self._flagged, flag
-        if is_first and self._numbers > len(DRIVING):
-            return np.int64(len(DRIVING))
+        is_first, self._flagged = bool(place) and not self._flagged, bool(place)
+        saying = len(DRIVING) + place - 2
+        if is_first and saying < self._numbers:
+            return np.int64(saying)
         choices = np.array(DRIVING)
         # What no action can do is not made up for later.
         wanted = np.clip(shares, choices.min(axis=0), choices.max(axis=0)) + self._lacking

@@ -24,6 +24,7 @@ from albot_agents.scripted.homing import (
     PathIntegration,
     RatSlamHoming,
 )
+from albot_agents.scripted.patch_homing import PatchHoming
 from albot_agents.scripted.place_judge import PlaceJudge
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -33,8 +34,9 @@ from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
-EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
-ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"
+EXPLORE, HOMING, BY_MAP = "Albot/Explore-v0", "Albot/Homing-v0", "Albot/HomingByMap-v0"
+ROUND_TRIP, MISSION = "Albot/ExploreAndHome-v0", "Albot/ExploreAndHome-v1"
+PLACES = "Albot/PlaceRecognition-v0"
 
 DEFAULT_OBSERVATIONS = ObservationConfig()
 """The observations of the environments with their default sensors."""
@@ -46,8 +48,8 @@ class AgentEntry:
 
     summary: str
     """What it does, in one line."""
-    make: Callable[[EnvironmentConfigs, str | None], Agent]
-    """Makes the agent for an environment, whose id may be known."""
+    make: Callable[[EnvironmentConfigs], Agent]
+    """Makes the agent for an environment."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it can attempt."""
     mapper: str = "albot1"
@@ -95,85 +97,85 @@ class AgentEntry:
         )
 
 
-def _driving(kind: Callable[..., Agent]) -> Callable[[EnvironmentConfigs, str | None], Agent]:
-    """Return a maker of a driving agent, which claims places in exploration, else declares home."""
-    return lambda configs, task: kind(configs, claims=task == EXPLORE)
-
-
 AGENTS = {
     Albot0Homing.name: AgentEntry(
         summary="Drives home by sonar alone, until Albot0 says that it is in the home ASR.",
-        make=lambda configs, _: Albot0Homing(configs),
+        make=Albot0Homing,
         tasks=(HOMING,),
         mapper="albot0",
         sensors={"laser": "none"},
     ),
     Albot1Homing.name: AgentEntry(
         summary="Drives home through the exits of Albot1's network of places.",
-        make=_driving(Albot1Homing),
-        tasks=(HOMING,),
+        make=Albot1Homing,
+        tasks=(HOMING, BY_MAP),
     ),
     AssociationExplorer.name: AgentEntry(
         summary="Explores by short moves to nearby gaps, without a memory.",
-        make=_driving(AssociationExplorer),
+        make=AssociationExplorer,
         tasks=(EXPLORE,),
         mapper="association",
     ),
     AssociationHoming.name: AgentEntry(
         summary="Drives to the position of home in the global map of landmark association.",
-        make=_driving(AssociationHoming),
-        tasks=(HOMING,),
+        make=AssociationHoming,
+        tasks=(HOMING, BY_MAP),
         mapper="association",
     ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; reports places known to its mapper.",
-        make=_driving(GapExplorerAgent),
+        make=GapExplorerAgent,
         tasks=(EXPLORE,),
     ),
     MapHoming.name: AgentEntry(
         summary="Drives home by the route that its mapper gives, with any mapper.",
-        make=_driving(MapHoming),
-        tasks=(HOMING,),
+        make=MapHoming,
+        tasks=(HOMING, BY_MAP),
         mapper="scan-matching",
     ),
     NearestFrontier.name: AgentEntry(
         summary="Explores by driving to the nearest frontier of the ground that it has covered.",
-        make=_driving(NearestFrontier),
+        make=NearestFrontier,
         tasks=(EXPLORE,),
     ),
     Oracle.name: AgentEntry(
         summary="Knows the true map and pose, and drives the shortest path home: the upper bound.",
-        make=_driving(Oracle),
-        tasks=(HOMING,),
+        make=Oracle,
+        tasks=(HOMING, BY_MAP),
         mapper="none",
     ),
     PathIntegration.name: AgentEntry(
         summary="Follows the odometer's home vector, without a map.",
-        make=_driving(PathIntegration),
-        tasks=(HOMING,),
+        make=PathIntegration,
+        tasks=(HOMING, BY_MAP),
         mapper="none",
+    ),
+    PatchHoming.name: AgentEntry(
+        summary="Drives home over what the patch of its map shows, back along its own trail.",
+        make=PatchHoming,
+        tasks=(BY_MAP,),
     ),
     PlaceJudge.name: AgentEntry(
         summary="Judges which place it has seen before, by match scores; does not drive.",
-        make=lambda configs, _: PlaceJudge(configs),
+        make=PlaceJudge,
         tasks=(PLACES,),
     ),
     RandomAgent.name: AgentEntry(
         summary="Acts at random: the lower bound.",
-        make=lambda *_: RandomAgent(),
+        make=lambda _: RandomAgent(),
         mapper="none",
-        tasks=(EXPLORE, HOMING, ROUND_TRIP, PLACES),
+        tasks=(EXPLORE, HOMING, BY_MAP, ROUND_TRIP, MISSION, PLACES),
     ),
     RatSlamHoming.name: AgentEntry(
         summary="Drives home by the quickest route over RatSLAM's experience map.",
-        make=_driving(RatSlamHoming),
+        make=RatSlamHoming,
         mapper="ratslam",
-        tasks=(HOMING,),
+        tasks=(HOMING, BY_MAP),
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
-        make=lambda configs, _: RoundTripAgent(configs),
-        tasks=(ROUND_TRIP,),
+        make=RoundTripAgent,
+        tasks=(ROUND_TRIP, MISSION),
     ),
 }
 """The scripted agents by name, in alphabetical order."""
@@ -224,27 +226,24 @@ def _trained(name: str, path: Path) -> AgentEntry:
     sees = f"; it sees {', '.join(parts)}" if parts else ""
     return AgentEntry(
         summary=f"Trained for {file.task} by {algorithm}, mapper {mapper}{sees}.",
-        make=lambda configs, _: TrainedAgent(name, file, configs),
+        make=lambda configs: TrainedAgent(name, file, configs),
         mapper=mapper,
         tasks=(file.task,),
         file=file,
     )
 
 
-def make_agent(
-    name: str, configs: EnvironmentConfigs | None = None, task: str | None = None
-) -> Agent:
+def make_agent(name: str, configs: EnvironmentConfigs | None = None) -> Agent:
     """Make an agent.
 
     Args:
         name: One of `agent_names`, or the path of a trained agent's file.
         configs: What the agent is told of its environment (`EnvironmentConfigs.of(env)`). By
             default, what is usual, or for a trained agent that of its training.
-        task: Id of that environment. If None, the agent never claims to know a place.
 
     Raises:
         InputError: No agent has this name, the file is not an agent file, or the agent was
             trained with other observations or actions.
     """
     entry = find_agent(name)
-    return entry.make(entry.configs if configs is None else configs, task)
+    return entry.make(entry.configs if configs is None else configs)

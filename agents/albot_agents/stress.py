@@ -240,7 +240,7 @@ def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     env = episode.make()
     try:
         observation_config = env.get_wrapper_attr("observation_config")
-        agent = make_agent(episode.agent, EnvironmentConfigs.of(env), ENVIRONMENT)
+        agent = make_agent(episode.agent, EnvironmentConfigs.of(env))
         recorder = LastMoment()
         env.set_wrapper_attr("recorder", recorder)
         radius = env.get_wrapper_attr("robot_config").radius

@@ -44,6 +44,7 @@ STUDIES = {
     "place-evidence": "Fit the weights of the evidence that two places are one.",
     "room-confusions": "Count the random worlds in which a room is taken for another.",
     "slam-growth": "Measure metric SLAM's time and memory, lap by lap.",
+    "trivial-policies": "Measure what trivial policies earn in each task: docs/rewards.md.",
 }
 
 
@@ -54,7 +55,7 @@ def command() -> None:
 
 @command.group(cls=LazyGroup, package="albot_studies", summaries=STUDIES)
 def study() -> None:
-    """Repeat the measurements that the pages in docs/ report of the mappers."""
+    """Repeat the measurements that the pages in docs/ report."""
 
 
 @command.command("list")

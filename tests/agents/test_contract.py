@@ -81,7 +81,7 @@ def _driven(name: str, task: str, scales: dict[str, float], form: str = "continu
     config = settings.get("config") or config_kind(task)()
     settings["config"] = replace(config, actions=replace(config.actions, **scales))
     env = gymnasium.make(task, **entry.environment(task, settings))
-    agent = make_agent(name, EnvironmentConfigs.of(env), task)
+    agent = make_agent(name, EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 3)
     poses = [info["pose"]]
     for _ in range(150):

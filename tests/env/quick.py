@@ -13,6 +13,7 @@ import albot_env
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
+from albot_env.tasks.homing_by_map.task import HomingByMapConfig
 from albot_env.tasks.place_recognition.task import PlaceRecognitionConfig
 from albot_env.tasks.place_recognition.tours import TourConfig
 from albot_maps import load_world
@@ -27,7 +28,9 @@ GLANCE = PlaceRecognitionConfig(tour=TourConfig(arrivals=3))
 loaded = cache(load_world)
 """A world by its name, made once: what is kept of journeys is kept with their world."""
 LOOP = loaded("square-loop")
+STROLL_BY_MAP = HomingByMapConfig(outing=STROLL.outing)
 SETTINGS: dict[str, dict[str, Any]] = {
+    "Albot/HomingByMap-v0": {"config": STROLL_BY_MAP, "journeys": 1, "world": LOOP},
     "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": LOOP},
     "Albot/PlaceRecognition-v0": {
         "config": GLANCE,
@@ -64,11 +67,15 @@ UNKNOWN = [
 """Settings that name what there is not, and what the refusal says it found."""
 
 
+SAYING = {"Albot/HomingByMap-v0": 2, "Albot/ExploreAndHome-v1": 2}
+"""How many numbers of an action declare or claim something; one elsewhere."""
+
+
 def still(environment: str, *shape: int) -> np.ndarray:
     """Actions that do nothing."""
     if environment in JUDGED:
         return np.zeros(shape, np.int64)
-    return np.zeros((*shape, 3), np.float32)
+    return np.zeros((*shape, 2 + SAYING.get(environment, 1)), np.float32)
 
 
 def drawn_actions(environment: str, rng: np.random.Generator, *shape: int) -> np.ndarray:
@@ -76,5 +83,5 @@ def drawn_actions(environment: str, rng: np.random.Generator, *shape: int) -> np
     if environment in JUDGED:
         return rng.integers(1 + GLANCE.tour.most, size=shape)
     actions = rng.uniform(-1, 1, (*shape, 2)).astype(np.float32)
-    silent = np.full((*shape, 1), -1, np.float32)
+    silent = np.full((*shape, SAYING.get(environment, 1)), -1, np.float32)
     return np.concatenate((actions, silent), axis=-1)

@@ -98,7 +98,7 @@ def test_mappers_and_agents_that_need_one_are_refused_by_name() -> None:
     for name in ("gap-explorer", "nearest-frontier"):
         assert name in agent_names("Albot/Explore-v0")
         with pytest.raises(InputError, match=f"{name}: expected observations with the part laser"):
-            make_agent(name, configs, "Albot/Explore-v0")
+            make_agent(name, configs)
 
 
 def test_places_are_recognised_by_laser_alone() -> None:

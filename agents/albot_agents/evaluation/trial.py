@@ -59,7 +59,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
     """
     env = trial.make()
     try:
-        agent = make_agent(trial.agent, EnvironmentConfigs.of(env), trial.task)
+        agent = make_agent(trial.agent, EnvironmentConfigs.of(env))
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
         begin = info["pose"]

@@ -17,6 +17,7 @@ from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command, SteeringConfig
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HEADING, HOME, PLACE, WAY
+from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.sensors import LASER, MOTION
 
 SENSED_PARTS = tuple(part.name for part in (LASER, MOTION, HEADING, HOME))
@@ -40,8 +41,6 @@ class DrivingAgent(Generic[DriverT]):
     Args:
         configs: The environment's configurations of observations and actions.
         driver: The planner.
-        claims: Whether the third number of an action claims to know the place, which the agent
-            does where the mapper recognises it. Otherwise that number declares home.
 
     Raises:
         InputError: Observations lack one of `SENSED_PARTS`.
@@ -50,14 +49,11 @@ class DrivingAgent(Generic[DriverT]):
     name: ClassVar[str]
     knows_truth: ClassVar[bool] = False
 
-    def __init__(
-        self, configs: EnvironmentConfigs, driver: DriverT, *, claims: bool = False
-    ) -> None:
+    def __init__(self, configs: EnvironmentConfigs, driver: DriverT) -> None:
         configs.observations.require(SENSED_PARTS, self.name)
         self._observation_config = configs.observations
         self._commands = Commands(configs.actions)
         self._driver = driver
-        self._claims = claims
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode.
@@ -73,13 +69,13 @@ class DrivingAgent(Generic[DriverT]):
         return decode_observation(observation, self._observation_config)
 
     def _drive(self, command: Command, observation: Any) -> Action | np.int64:
-        """Return the action for a command, with the claim to know the place if `claims` is set."""
-        knows = self._claims and decode_recognition(observation, self._observation_config)
-        return self._commands.action(command, flag=knows)
+        """Return the action for a command, with the claim to know the place where it is known."""
+        knows = decode_recognition(observation, self._observation_config)
+        return self._commands.action(command, says="claim" if knows else "")
 
     def _declare(self) -> Action | np.int64:
-        """Return the action that stops, and declares home unless `claims` is set."""
-        return self._commands.action(np.zeros(2), flag=not self._claims)
+        """Return the action that stops, and declares home."""
+        return self._commands.action(np.zeros(2), says="declare")
 
 
 def steering_for(configs: EnvironmentConfigs) -> SteeringConfig:
@@ -102,8 +98,25 @@ def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
     )
 
 
+CLAIM_SCORE, CLAIM_DISTANCE = 0.6, 2.0
+"""An agent claims to know a place if its best match has at least this score and was taken no farther
+away (m)."""
+
+
 def decode_recognition(observation: Any, config: ObservationConfig) -> bool:
-    """Return whether the mapper recognises the current place; false if that is not observed."""
+    """Return whether to claim that the place is known.
+
+    If matches are observed, the best must score well, be near, and be more probable than any other
+    place. Otherwise the mapper's own word counts, if that is observed.
+    """
+    if MATCHES.name in config.shapes:
+        matches = config.decode(MATCHES, observation)
+        return bool(
+            len(matches.scores)
+            and matches.scores[0] >= CLAIM_SCORE
+            and np.hypot(*matches.points[0]) <= CLAIM_DISTANCE
+            and matches.probabilities[0] > matches.ambiguities[0]
+        )
     return PLACE.name in config.shapes and config.decode(PLACE, observation).is_recognised
 
 

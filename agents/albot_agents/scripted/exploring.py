@@ -14,7 +14,7 @@ from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.minimal_space_explorer import MinimalSpaceConfig, MinimalSpaceExplorer
-from albot_env.tasks.core.parts.beliefs import CONFIDENCE, TIME_LEFT
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HOME, TIME_LEFT
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
@@ -22,7 +22,6 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
 
     Args:
         configs: The environment's configurations of observations and actions.
-        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "gap-explorer"
@@ -30,13 +29,13 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     _GAIN: ClassVar[float] = 4.0
     """Driving distance (m) that completely new ground is worth (see `GapExplorerConfig.gain`)."""
 
-    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+    def __init__(self, configs: EnvironmentConfigs) -> None:
         config = GapExplorerConfig(
             coverage_range=configs.observations.coverage.radius,
             gain=self._GAIN,
             steering=steering_for(configs),
         )
-        super().__init__(configs, GapExplorer(config), claims=claims)
+        super().__init__(configs, GapExplorer(config))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
@@ -51,14 +50,13 @@ class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
 
     Args:
         configs: The environment's configurations of observations and actions.
-        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "association-explorer"
 
-    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+    def __init__(self, configs: EnvironmentConfigs) -> None:
         config = MinimalSpaceConfig(steering=steering_for(configs))
-        super().__init__(configs, MinimalSpaceExplorer(config), claims=claims)
+        super().__init__(configs, MinimalSpaceExplorer(config))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
@@ -70,14 +68,13 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
 
     Args:
         configs: The environment's configurations of observations and actions.
-        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "nearest-frontier"
 
-    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+    def __init__(self, configs: EnvironmentConfigs) -> None:
         driver = FrontierExplorer(configs.observations.coverage.radius, steering_for(configs))
-        super().__init__(configs, driver, claims=claims)
+        super().__init__(configs, driver)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
@@ -87,7 +84,8 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
 class RoundTripAgent:
     """Explores like `gap-explorer`, and drives home like `albot1-homing` before time is up.
 
-    It takes the length of the way home from the mapper's confidence, which falls with that length.
+    It takes the length of the way home from the mapper's confidence, which falls with that length;
+    where that is not observed, from the distance of home on a straight line.
 
     Args:
         configs: The environment's configurations of observations and actions.
@@ -100,6 +98,8 @@ class RoundTripAgent:
     """Expected speed on the way home (m/s)."""
     SPARE = 15.0
     """Time kept in reserve (s)."""
+    WINDING = 2.0
+    """Expected length of the way home, divided by the distance on a straight line."""
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
         self._observation_config = configs.observations
@@ -110,9 +110,9 @@ class RoundTripAgent:
         """Begin a new episode, exploring.
 
         Raises:
-            InputError: Observations lack the part `time_left` or `confidence`.
+            InputError: Observations lack the part `time_left`.
         """
-        self._observation_config.require((TIME_LEFT.name, CONFIDENCE.name), self.name)
+        self._observation_config.require((TIME_LEFT.name,), self.name)
         self._explorer.reset(rng, actions)
         self._homer.reset(rng, actions)
         self._returns = False
@@ -120,7 +120,11 @@ class RoundTripAgent:
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
         left = self._observation_config.decode(TIME_LEFT, observation)
-        travel = self._observation_config.decode(CONFIDENCE, observation)
+        if self._observation_config.observes(CONFIDENCE):
+            travel = self._observation_config.decode(CONFIDENCE, observation)
+        else:
+            home = self._observation_config.decode(HOME, observation)
+            travel = self.WINDING * float(np.hypot(*home))
         self._returns |= left < self.SPARE + travel / self.SPEED
         return (self._homer if self._returns else self._explorer).act(observation, info)
 

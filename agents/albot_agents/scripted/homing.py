@@ -34,7 +34,6 @@ class MapHoming(DrivingAgent[Navigator]):
     Args:
         configs: The environment's configurations of observations and actions. Without the part
             `way`, the agent heads straight for home.
-        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "map-homing"
@@ -42,8 +41,8 @@ class MapHoming(DrivingAgent[Navigator]):
     ARRIVED = 0.3
     """Distance to the estimated home at which it declares home (m)."""
 
-    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(configs, Navigator(steering_for(configs)), claims=claims)
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        super().__init__(configs, Navigator(steering_for(configs)))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the action that drives on towards home, or declares home."""
@@ -143,7 +142,7 @@ class Albot0Homing:
         self._nearest = min(self._nearest, distance) if is_at_end else np.inf
         has_passed = distance > self._nearest + self.PASSED
         if is_there or has_passed or self._steps_at_home > self.STALL_STEPS:
-            return self._commands.action(np.zeros(2), flag=True)
+            return self._commands.action(np.zeros(2), says="declare")
         ahead = home if known is None else known.ahead
         # At the end of the known way, but not yet in the home ASR, it drives on without a target.
         target = ahead if np.hypot(*ahead) >= self.ARRIVED else None
@@ -161,7 +160,6 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
 
     Args:
         configs: The environment's configurations of observations and actions.
-        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "path-integration"
@@ -169,8 +167,8 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     ARRIVED = 0.2
     """Length of the home vector below which it declares home (m)."""
 
-    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
-        super().__init__(configs, GoalSeeker(steering_for(configs)), claims=claims)
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        super().__init__(configs, GoalSeeker(steering_for(configs)))
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
@@ -198,7 +196,6 @@ class Oracle(DrivingAgent[GoalSeeker]):
 
     Args:
         configs: The environment's configurations of observations and actions.
-        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "oracle"
@@ -222,9 +219,9 @@ class Oracle(DrivingAgent[GoalSeeker]):
     NEARER = 0.1
     """Least decrease of the way home that counts as progress (m)."""
 
-    def __init__(self, configs: EnvironmentConfigs, *, claims: bool = False) -> None:
+    def __init__(self, configs: EnvironmentConfigs) -> None:
         self._steering = steering_for(configs)
-        super().__init__(configs, GoalSeeker(self._steering), claims=claims)
+        super().__init__(configs, GoalSeeker(self._steering))
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""

@@ -370,13 +370,13 @@ class DrivingTask(Task):
         self._simulator.set_state(row, world, state.simulator)
         self._worlds[row], self.world_names[row] = world, world.name
         self._builder.begin(row, world)
-        self._builder.set_state(row, state.arrays)
         if self._mappers is not None and state.mapper is not None:
             self._mappers.restore(row, state.mapper)
             if isinstance(self._mappers, KeptWays):
                 kept = {name: array for name, array in state.arrays.items() if name[:4] == "way."}
                 self._mappers.restore_way(row, {name[4:]: array for name, array in kept.items()})
             self._mappers.matched_readings[row] = state.arrays["matched"]
+        self._builder.set_state(row, state.arrays)
         for table, arrays in (("stats", self._stats), ("beliefs", self._state)):
             put_rows(table, arrays, row, state.arrays)
         self._set_task_state(row, world, state.arrays)

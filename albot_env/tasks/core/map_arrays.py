@@ -18,7 +18,7 @@ from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Points
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.mapper import MapperSpec
+from albot_core.mappers.mapper import MapperSpec, RecognitionBatch
 from albot_core.maps.layers import (
     MapSnapshot,
     OccupancyGridLayer,
@@ -85,6 +85,10 @@ class MapArrays(NamedTuple):
     motions: RaggedRows
     """Columns x, y, heading (float64): the pose of the target's frame in the source's frame, of
     each connection."""
+    matches: RaggedRows
+    """Columns of `PlaceMatches` (float64): the best matches of the present place."""
+    readings: np.ndarray
+    """(robots,) int64: number of the latest reading of each mapper, counted from 0."""
 
 
 class TrailConfig(NamedTuple):
@@ -106,12 +110,20 @@ class MapReader:
         mappers: Their mappers; None on robots without one, which remember only their own trail.
         trail: Which positions make a trail.
         reads_maps: Whether the mappers' maps are needed, besides the robots' own trails.
+        matches: Number of matches of the present place that are needed.
     """
 
     def __init__(
-        self, robots: int, mappers: MapSource | None, trail: TrailConfig, *, reads_maps: bool
+        self,
+        robots: int,
+        mappers: MapSource | None,
+        trail: TrailConfig,
+        *,
+        reads_maps: bool,
+        matches: int = 0,
     ) -> None:
-        self._mappers, self._trail = mappers if reads_maps else None, trail
+        self._mappers, self._trail = mappers if reads_maps or matches else None, trail
+        self._reads_maps, self._matches = reads_maps, matches
         layers = () if mappers is None else mappers.spec.layers
         self._has_grid = OccupancyGridLayer.kind in layers
         self._has_trajectory = TrajectoryLayer.kind in layers
@@ -133,25 +145,22 @@ class MapReader:
             home=np.full(robots, -1),
             ends=_no_rows(robots, 2, kind=np.int64),
             motions=_no_rows(robots, 3),
+            matches=_no_rows(robots, 6),
+            readings=np.full(robots, -1),
         )
         """The maps; a new tuple whenever one of them needs more room."""
 
     def begin(self, row: int, extent: float) -> None:
         """Forget the map of a robot, which can reach `extent` (m) from the map's origin."""
-        self._forget_version(row)
+        self._versions[row], self._graphs[row] = -1, None
         arrays = self.arrays
         for ragged in arrays:
             if isinstance(ragged, RaggedRows):
                 ragged.counts[row] = 0
-        arrays.current[row] = arrays.home[row] = -1
+        arrays.current[row] = arrays.home[row] = arrays.readings[row] = -1
         if self._has_grid:
             side = 8 * math.ceil(extent / CELL / 4)
             self.arrays = arrays._replace(free=with_coverage(arrays.free, row, side, (0.0, 0.0)))
-
-    def _forget_version(self, row: int) -> None:
-        """Let a robot's map be read at the next update, whatever its version."""
-        self._versions[row] = -1
-        self._graphs[row] = None
 
     def update(
         self, rows: Int64[np.ndarray, "some"], beliefs: Float64[np.ndarray, "robots 3"]
@@ -162,6 +171,7 @@ class MapReader:
             rows: The robots.
             beliefs: Believed poses of all robots (map frames).
         """
+        self.arrays.readings[rows] += 1
         if not self._has_trajectory:
             self._leave_trail(rows, beliefs)
         if self._mappers is None:
@@ -170,7 +180,11 @@ class MapReader:
         changed = rows[versions[rows] != self._versions[rows]]
         self._versions[changed] = versions[changed]
         for row in changed.tolist():
-            self._read(row, self._mappers.snapshot(row))
+            if self._reads_maps:
+                self._read(row, self._mappers.snapshot(row))
+            if self._matches:
+                assert isinstance(self._mappers, RecognitionBatch)
+                self._put("matches", row, self._mappers.place_matches(row, self._matches))
 
     def _leave_trail(
         self, rows: Int64[np.ndarray, "some"], beliefs: Float64[np.ndarray, "robots 3"]
@@ -236,9 +250,29 @@ class MapReader:
         counts, points = self.arrays.trail
         return np.asarray(points[row, : counts[row]].copy())
 
-    def set_trail(self, row: int, trail: Points) -> None:
-        """Give a robot, after `begin`, a trail."""
+    def set_trail(self, row: int, trail: Points, readings: int) -> None:
+        """Give a robot, after `begin`, a trail and a number of readings that its mapper has had."""
         self._put("trail", row, trail)
+        self.arrays.readings[row] = readings - 1
+
+    def state(self, row: int) -> Arrays:
+        """Return what a robot remembers that does not follow from its mapper's state (copies)."""
+        counts, matches = self.arrays.matches
+        return {
+            "map.trail": self.trail(row),
+            "map.matches": matches[row, : counts[row]].copy(),
+            "map.readings": np.array(self.arrays.readings[row]),
+        }
+
+    def set_state(self, row: int, state: Arrays) -> None:
+        """Give a robot what `state` returned, after `begin` and after its mapper got its own."""
+        self.set_trail(row, state["map.trail"], int(state["map.readings"]) + 1)
+        self._put("matches", row, state["map.matches"])
+        if self._mappers is not None:
+            # The matches are those of when the map changed last.
+            self._versions[row] = self._mappers.map_versions[row]
+            if self._reads_maps:
+                self._read(row, self._mappers.snapshot(row))
 
 
 def _no_rows(robots: int, columns: int, most: int = 0, kind: Any = np.float64) -> RaggedRows:

@@ -20,6 +20,7 @@ from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation_kernels import PARTS, Layout
 from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH, MapPatchConfig
+from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.part import Decoded, Need, ObservationPart, Sizes
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, PlaceGraphConfig
 from albot_env.tasks.core.parts.scales import (
@@ -51,8 +52,26 @@ DEFAULT_PARTS = _in_order("laser", "sonar", "motion", "heading", "home", "place"
 """Parts observed in exploring: without the way home, which takes time to compute."""
 HOMING_PARTS = _in_order(*DEFAULT_PARTS, "confidence", "exit", "way")
 """Parts observed in homing, with hints."""
+BY_MAP_PARTS = _in_order(*DEFAULT_PARTS, "map_patch", "place_graph", "matches")
+"""Parts observed in tasks without hints, as far as the mapper can give them."""
 EXPLORE_AND_HOME_PARTS = _in_order(*HOMING_PARTS, "frontier", "time_left")
 """Parts observed in exploring and coming home, with hints."""
+
+
+def parts_by_map(mapper: MapperSpec | None, *others: str) -> tuple[str, ...]:
+    """Return those of `BY_MAP_PARTS` that a mapper can give (None: no mapper), and others."""
+    lacking = {part for part, is_given, _ in _optional_parts(mapper) if not is_given}
+    return _in_order(*(part for part in BY_MAP_PARTS if part not in lacking), *others)
+
+
+def _optional_parts(mapper: MapperSpec | None) -> tuple[tuple[str, bool, str], ...]:
+    """Return the parts that not all mappers can give: name, whether it can, what it lacks if not."""
+    has_graph = mapper is not None and "place_graph" in mapper.layers
+    has_matches = mapper is not None and mapper.has_matches
+    return (
+        (PLACE_GRAPH.name, has_graph, "has no place graph"),
+        (MATCHES.name, has_matches, "does not say how sure it is of places"),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +122,14 @@ class ObservationConfig:
     """Scales, size and channels of the part `map_patch`."""
     place_graph: PlaceGraphConfig = field(default_factory=PlaceGraphConfig)
     """Size of the part `place_graph`."""
+    matches: int = 3
+    """Number of rows of the part `matches`."""
 
     def __post_init__(self) -> None:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
         check_fields(self, POSITIVE, *ranges, "home_drift", "home_near", "step_length", "step_turn")
         check_fields(self, POSITIVE, "time_range")
+        check_fields(self, FROM_ONE, "matches")
         self._check_parts()
         if self.laser_sectors is not None:
             allowed = FROM_ONE
@@ -140,10 +162,11 @@ class ObservationConfig:
         patch = self.map_patch
         if MAP_PATCH.name in self.parts:
             patch = replace(patch, channels=patch.chosen(mapper))
-        if PLACE_GRAPH.name in self.parts and "place_graph" not in getattr(mapper, "layers", ()):
-            name = "none" if mapper is None else mapper.name
-            expected = f"parts that the mapper {name} can give: it has no place graph"
-            raise InputError("ObservationConfig.parts", expected, PLACE_GRAPH.name)
+        for part, is_given, lacking in _optional_parts(mapper):
+            if part in self.parts and not is_given:
+                name = "none" if mapper is None else mapper.name
+                expected = f"parts that the mapper {name} can give: it {lacking}"
+                raise InputError("ObservationConfig.parts", expected, part)
         return replace(self, laser=laser, sonar=sonar, map_patch=patch)
 
     @property
@@ -156,6 +179,7 @@ class ObservationConfig:
             map_layers=len(self.map_patch.sides) * len(self.map_patch.channels or CHANNELS),
             map_cells=self.map_patch.cells,
             graph_rows=self.place_graph.places + self.place_graph.connections,
+            matches=self.matches,
         )
         shapes = {part.name: part.shape(sizes) for part in PARTS if part.name in self.parts}
         return {name: shape for name, shape in shapes.items() if shape != (0,)}
@@ -168,6 +192,10 @@ class ObservationConfig:
             begins[part] = at
             at += int(np.prod(shape))
         return Layout(**begins)
+
+    def observes(self, part: ObservationPart[Any]) -> bool:
+        """Return whether a part is observed."""
+        return part.name in self.shapes
 
     def needs(self, need: Need) -> bool:
         """Return whether an observed part needs something."""
@@ -232,6 +260,7 @@ class ObservationConfig:
                 channels=Channels.of(self.map_patch.channels or CHANNELS),
             ),
             graph=GraphScales(**asdict(self.place_graph)),
+            matches=self.matches,
         )
 
     def split(self, flat: Float[np.ndarray, "length"]) -> Parts:

@@ -23,6 +23,7 @@ from albot_env.tasks.core.coverage_kernels import CoverageGrid
 from albot_env.tasks.core.map_arrays import MapArrays, MapReader, MapSource
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
+from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.part import Need
 from albot_env.tasks.core.rooms import NO_ROOMS, Rooms, joined, outlines_of
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
@@ -59,6 +60,8 @@ class ProgressSnapshot(NamedTuple):
     moved: Float64[np.ndarray, "2"]
     trail: Points
     """Positions that it remembers, as believed; empty if no observed part needs them."""
+    readings: int
+    """Number of readings that its mapper has had; 0 if no observed part needs it."""
 
 
 class ObservationBuilder:
@@ -92,7 +95,13 @@ class ObservationBuilder:
         self._has_map = config.needs(Need.MAP)
         spec = None if mappers is None else mappers.spec
         reads_maps = self._has_map and config.reads_maps(spec)
-        self._maps = MapReader(robots, mappers, config.map_patch.trail, reads_maps=reads_maps)
+        self._maps = MapReader(
+            robots,
+            mappers,
+            config.map_patch.trail,
+            reads_maps=reads_maps,
+            matches=config.matches if config.observes(MATCHES) else 0,
+        )
         self._worlds = WorldCache(robots, self._add_world, self._forget_rooms)
         self._rooms = Rooms(
             outlines=NO_ROOMS,
@@ -158,6 +167,7 @@ class ObservationBuilder:
             rooms_entered=int(progress.rooms_entered[row]),
             moved=progress.moved[row].copy(),
             trail=self._maps.trail(row),
+            readings=int(self._maps.arrays.readings[row]) + 1,
         )
 
     def restore(self, row: int, snapshot: ProgressSnapshot) -> None:
@@ -176,7 +186,7 @@ class ObservationBuilder:
         progress.rooms_entered[row] = snapshot.rooms_entered
         progress.moved[row] = snapshot.moved
         if self._has_map:
-            self._maps.set_trail(row, snapshot.trail)
+            self._maps.set_trail(row, snapshot.trail, snapshot.readings)
 
     def state(self, row: int) -> Arrays:
         """Return all that the observations of a robot depend on besides its readings (copies)."""
@@ -189,17 +199,20 @@ class ObservationBuilder:
             **copied_rows("progress", self.progress, row),
             **copied_rows("occupancy", occupancy, row, _KEPT_OF_OCCUPANCY),
             "occupancy.grids": occupancy.grids[row, :cells].copy(),
-            "map.trail": self._maps.trail(row),
+            **self._maps.state(row),
         }
 
     def set_state(self, row: int, state: Arrays) -> None:
-        """Give a robot, after `begin` in the same world, what `state` returned."""
+        """Give a robot what `state` returned, after `begin` in the same world.
+
+        Its mapper must have got its own state before.
+        """
         words_of(self._covered, row)[:] = state["coverage.covered"]
         words_of(self._believed, row)[:] = state["coverage.believed"]
         self._rooms.entered[row, : self._room_count(row)] = state["rooms.entered"]
         put_rows("progress", self.progress, row, state)
         put_rows("occupancy", self._occupancy, row, state)
-        self._maps.set_trail(row, state["map.trail"])
+        self._maps.set_state(row, state)
 
     def _room_count(self, row: int) -> int:
         first, last = self._rooms.worlds[row].tolist()

@@ -48,6 +48,7 @@ from albot_env.tasks.core.parts.ground import (
     fill_shortcut,
 )
 from albot_env.tasks.core.parts.map_patch import MAP_PATCH, fill_map_patch
+from albot_env.tasks.core.parts.matches import MATCHES, fill_matches
 from albot_env.tasks.core.parts.part import GraphScratch, ObservationPart, Sources
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, fill_place_graph
 from albot_env.tasks.core.parts.sensors import (
@@ -70,6 +71,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
 PARTS: tuple[ObservationPart[Any], ...] = (
     LASER, SONAR, MOTION, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT, COVERAGE,
     FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
+    MATCHES,
 )  # fmt: skip
 """All parts, in their order in the flat observation."""
 Layout: Any = namedtuple("Layout", [part.name for part in PARTS])  # type: ignore[misc]
@@ -177,6 +179,8 @@ def _fill_remembered(i: int, layout: Any, sources: Sources, row: np.ndarray) -> 
         fill_map_patch(i, sources, row[layout.map_patch :])
     if layout.place_graph >= 0:
         fill_place_graph(i, sources, row[layout.place_graph :])
+    if layout.matches >= 0:
+        fill_matches(i, sources, row[layout.matches :])
 
 
 @kernel()

@@ -14,7 +14,7 @@ import numpy as np
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Pose
-from albot_core.mappers.mapper import Mapper, MapperBatch
+from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
 from albot_core.mappers.registry import (
     check_sensors,
     config_for_radius,
@@ -209,6 +209,11 @@ class Equipment:
     threads: int | None = 1
     """Threads that share the work; None for one per processor. The results do not depend on
     the number."""
+
+    @property
+    def spec(self) -> MapperSpec | None:
+        """Spec of the mapper; None without one."""
+        return None if self.mapper == NO_MAPPER else mapper_spec(self.mapper)
 
     def mappers(self, robots: int) -> MapperBatch | None:
         """Return the mappers of `robots` robots; None if they have none.

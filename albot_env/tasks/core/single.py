@@ -206,7 +206,7 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         return EpisodeState(
             environment=self._environment,
             settings=self._interface.identity,
-            world=self._robot.world(0),
+            world=self._robot.given_world(0),
             world_number=self._world_number,
             generator=generator_state(self.np_random),
             robot=self._robot.state(0),

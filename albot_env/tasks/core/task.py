@@ -221,8 +221,12 @@ class Task(ABC):
         """Distance from each true position to the estimated one (m)."""
         return self._stats.position_errors
 
+    def given_world(self, row: int) -> World:
+        """Return the world of a robot as the environment was given it."""
+        return self.world(row)
+
     def world(self, row: int) -> World:
-        """Return the world of a robot."""
+        """Return the world that a robot is in."""
         world = self._worlds[row]
         assert world is not None, "a robot is nowhere before it begins"
         return world

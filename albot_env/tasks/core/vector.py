@@ -333,7 +333,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         return EpisodeState(
             environment=self._environment,
             settings=self._interface.identity,
-            world=self._robots.world(row),
+            world=self._robots.given_world(row),
             world_number=int(self._world_numbers[row]),
             generator=generator_state(self._generator(row)),
             robot=self._robots.state(row),

@@ -33,6 +33,7 @@ from albot_env.tasks.core.way_home import (
     with_field_rows,
 )
 from albot_env.tasks.homing.outward_journey import (
+    OutwardJourney,
     OutwardJourneyConfig,
     OutwardJourneys,
 )
@@ -115,9 +116,16 @@ class HomingTask(DrivingTask):
         """Start a robot's episode in the state at the end of an outward journey."""
         journey = self._outward_journeys.draw(world, start, rng)
         # Robots that share a journey must not share the noise after it.
-        self.restore(row, world, journey.end, draw_key(rng) if self._shared else None)
+        self._set_out_from(row, journey, draw_key(rng) if self._shared else None)
+
+    def _set_out_from(self, row: int, journey: OutwardJourney, key: int | None) -> None:
+        """Start a robot's episode at the end of a journey; `key` is the seed of its noise.
+
+        None lets it go on as if it had never stopped.
+        """
+        self.restore(row, journey.world, journey.end, key)
         self.begin_return(row)
-        self._judge.begin_after(row, world, journey.visited, journey.readings)
+        self._judge.begin_after(row, journey.world, journey.visited, journey.readings)
         self._outward_lengths[row] = journey.end.path_length
         self._cut_short[row] = journey.cut_short
         self._fields = with_field(self._fields, row, journey.field)

@@ -13,13 +13,16 @@ from albot_core.mappers.mapper import (
     AttractorNetwork,
     Mapper,
     MapperSpec,
+    PlaceMatches,
     PlaceMemory,
+    Recognition,
     ReturnAware,
     RouteHome,
 )
 from albot_core.mappers.result_checks import (
     check_activity,
     check_estimate,
+    check_place_matches,
     check_snapshot,
     check_state,
     check_way_home,
@@ -117,6 +120,15 @@ class LoopedMappers:
         activity = mapper.activity
         check_activity(activity, self.spec, self._readings[row] - 1)
         return activity
+
+    def place_matches(self, row: int, most: int) -> PlaceMatches:
+        """Return the best matches of a row's place; none if the mappers say nothing of it."""
+        mapper = self._mappers[row]
+        if not isinstance(mapper, Recognition):
+            return np.empty((0, 6))
+        matches = mapper.place_matches(most)
+        check_place_matches(matches, self.spec, self._readings[row] - 1)
+        return matches
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Return everything that a row's mapper remembers, as arrays by name (copies)."""

@@ -37,6 +37,8 @@ class MapperSpec:
     """`module:name` of what makes its default config, a frozen dataclass."""
     has_exits: bool = False
     """Whether the connections of its place graph have doorways."""
+    has_matches: bool = False
+    """Whether it says how sure it is of the place that it recognises (`Recognition`)."""
     batch: str | None = None
     """`module:name` of what makes a batch from a number of robots and a config. None: the batch is
     a loop over single mappers."""
@@ -159,6 +161,21 @@ class PlaceMemory(Protocol):
         """
 
 
+PlaceMatches = Float64[np.ndarray, "matches 6"]
+"""Earlier readings that a mapper believes were taken at the present place, the best first. Columns:
+score (how much of what is seen now was seen there, from 0 to 1), probability (that the two places
+are one), ambiguity (the highest probability of another place), x, y (where the reading was taken,
+as believed now: map's frame, m), and the reading's number."""
+
+
+@runtime_checkable
+class Recognition(Protocol):
+    """A mapper that says how sure it is of the place that it recognises."""
+
+    def place_matches(self, most: int) -> PlaceMatches:
+        """Return the best matches of the present place, at most so many."""
+
+
 @runtime_checkable
 class ReturnAware(Protocol):
     """A mapper that maps the way home separately from the way out."""
@@ -191,6 +208,7 @@ _CAPABILITIES: dict[type, str] = {
     PlaceMemory: "a memory of places",
     CorrectedTrajectory: "a corrected trajectory",
     AttractorNetwork: "an attractor network",
+    Recognition: "evidence of the places that it recognises",
 }
 
 
@@ -293,6 +311,14 @@ class MapperBatch(Protocol):
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Restore a row's mapper from what `state` returned."""
+
+
+@runtime_checkable
+class RecognitionBatch(Protocol):
+    """A batch of mappers that say how sure they are of the places that they recognise."""
+
+    def place_matches(self, row: int, most: int) -> PlaceMatches:
+        """Return `Recognition.place_matches` of a row."""
 
 
 @runtime_checkable

@@ -18,6 +18,8 @@ from albot_core.ranges import COUNT, FINITE
 
 _POSE = 3
 """Numbers of a pose: x, y, heading."""
+_MATCH = 6
+"""Numbers of each of `PlaceMatches`."""
 _WAY_HOME = 7
 """Numbers of a `WayHome`."""
 
@@ -109,6 +111,31 @@ def check_snapshot(snapshot: object, spec: MapperSpec, reading: int) -> None:
         allowed.remove(type(layer))
         if fault := layer_fault(layer):
             raise _error(spec, reading, f"{where}.{fault.place}", fault.expected, fault.found)
+
+
+def check_place_matches(matches: object, spec: MapperSpec, reading: int) -> None:
+    """Check `Recognition.place_matches`; further arguments as for `check_estimate`.
+
+    Raises:
+        InputError: They are not an array of finite numbers with six columns, a score, probability
+            or ambiguity is not within 0 and 1, or a reading is no earlier one.
+    """
+    if not (
+        isinstance(matches, np.ndarray)
+        and matches.dtype.kind in "fiu"
+        and matches.ndim == 2
+        and matches.shape[1] == _MATCH
+        and np.isfinite(matches).all()
+    ):
+        expected = f"an array of finite numbers with {_MATCH} columns"
+        raise _error(spec, reading, "place_matches()", expected, matches)
+    shares, numbers = matches[:, :3], matches[:, 5]
+    if not ((shares >= 0) & (shares <= 1)).all():
+        expected = "scores, probabilities and ambiguities within 0 and 1"
+        raise _error(spec, reading, "place_matches()", expected, shares)
+    if not ((numbers >= 0) & (numbers <= reading) & (numbers % 1 == 0)).all():
+        expected = "numbers of earlier readings in the last column"
+        raise _error(spec, reading, "place_matches()", expected, numbers)
 
 
 def check_state(state: object, spec: MapperSpec, reading: int | None = None) -> None:

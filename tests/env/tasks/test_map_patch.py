@@ -214,7 +214,8 @@ def test_the_trail_fades_with_age_and_is_forgotten_in_the_end(two_rooms: World) 
     trail = reader.trail(0)
     reader.begin(0, 10.0)
     assert reader.arrays.trail.counts.tolist() == [0]
-    reader.set_trail(0, trail)
+    reader.set_trail(0, trail, 5)
+    assert reader.arrays.readings.tolist() == [4]
     assert reader.trail(0).tolist() == trail.tolist()
     config = CONFIG.fitted(LaserGeometry(), None, mapper_spec("albot1"))
     builder = ObservationBuilder(1, config, LaserGeometry(), 0.25, Drawn(MapSnapshot()))
@@ -315,7 +316,8 @@ def config_for(mapper: str) -> ExploreConfig:
     """All that can be observed of a mapper's map."""
     spec = None if mapper == "none" else mapper_spec(mapper)
     has_graph = spec is not None and "place_graph" in spec.layers
-    parts = (*STROLL.parts, "place_graph") if has_graph else STROLL.parts
+    has_matches = spec is not None and spec.has_matches
+    parts = STROLL.parts + ("place_graph",) * has_graph + ("matches",) * has_matches
     return ExploreConfig(observations=replace(STROLL, parts=parts))
 
 
@@ -359,9 +361,10 @@ def test_another_channel_or_part_is_refused_by_name(two_rooms: World) -> None:
             f"MapPatchConfig.channels: expected some of {', '.join(given_channels)}, which the "
             f"mapper {mapper} can give, found {channel}"
         )
-    config = ObservationConfig(parts=("place_graph",))
-    with pytest.raises(InputError, match=r"the mapper odometry can give.*found place_graph"):
-        ExploreEnv(two_rooms, mapper="odometry", config=ExploreConfig(observations=config))
+    for part in ("place_graph", "matches"):
+        config = ExploreConfig(observations=ObservationConfig(parts=(part,)))
+        with pytest.raises(InputError, match=rf"the mapper odometry can give.*found {part}"):
+            ExploreEnv(two_rooms, mapper="odometry", config=config)
 
 
 @pytest.mark.parametrize(
@@ -424,7 +427,7 @@ def test_the_map_is_a_function_of_the_readings_alone(
             mappers.update(rows, readings)
             state.beliefs[0], state.homes_in_map[0] = mappers.poses[0], mappers.homes_in_map[0]
         builder.observe(rows, state, row)
-        for part in ("map_patch", "place_graph"):
+        for part in ("map_patch", "place_graph", "matches"):
             if part in fitted.shapes:
                 found, wanted = fitted.split(row[0])[part], fitted.split(observation)[part]
                 np.testing.assert_array_equal(found, wanted, err_msg=part)

@@ -45,6 +45,8 @@ class Sizes(NamedTuple):
     """Number of cells along a side of the map's patches."""
     graph_rows: int
     """Number of rows of the place graph: places and connections."""
+    matches: int
+    """Number of rows of the matches of the present place."""
 
 
 class GraphScratch(NamedTuple):

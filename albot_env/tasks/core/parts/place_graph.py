@@ -62,9 +62,9 @@ def _decode_place_graph(numbers: Float[np.ndarray, "rows 9"], scales: Scales) ->
     last = max(scales.graph.places - 1, 1)
     ends = np.rint((np.asarray(connections[:, 1:3], np.float64) + 1) * last / 2)
     turns = np.arctan2(connections[:, 7], connections[:, 6])
-    steps = _points(connections[:, 3:6], scales.home)
+    steps = observed_points(connections[:, 3:6], scales.home)
     return ObservedGraph(
-        points=_points(places[:, 1:4], scales.home),
+        points=observed_points(places[:, 1:4], scales.home),
         visits=np.array([round(unscaled(float(n), VISITS), 3) for n in places[:, 4]]),
         is_current=places[:, 5] > 0,
         is_home=places[:, 6] > 0,
@@ -73,7 +73,7 @@ def _decode_place_graph(numbers: Float[np.ndarray, "rows 9"], scales: Scales) ->
     )
 
 
-def _points(numbers: Float[np.ndarray, "n 3"], scale: LogScale) -> Points:
+def observed_points(numbers: Float[np.ndarray, "n 3"], scale: LogScale) -> Points:
     """Return points (m) of which directions (cosine, sine) and distances are shown."""
     away = np.array([unscaled(float(number), scale) for number in numbers[:, 2]])
     return np.asarray(away[:, None] * np.asarray(numbers[:, :2], np.float64))
@@ -111,7 +111,7 @@ def fill_place_graph(i: int, sources: Sources, row: np.ndarray) -> None:
         begin = k * COLUMNS
         ahead, left = rotate_back(cos, sin, place[0] - belief[0], place[1] - belief[1])
         row[begin] = np.float32(1.0)
-        _show_point(ahead, left, scales.home, row[begin + 1 : begin + 4])
+        show_point(ahead, left, scales.home, row[begin + 1 : begin + 4])
         row[begin + 4] = scaled(place[2], VISITS)
         row[begin + 5] = np.float32(1.0 if scratch.shown[k] == maps.current[i] else -1.0)
         row[begin + 6] = np.float32(1.0 if scratch.shown[k] == maps.home[i] else -1.0)
@@ -125,14 +125,14 @@ def fill_place_graph(i: int, sources: Sources, row: np.ndarray) -> None:
         row[begin] = np.float32(1.0)
         row[begin + 1] = np.float32(2.0 * source / last - 1.0)
         row[begin + 2] = np.float32(2.0 * target / last - 1.0)
-        _show_point(motion[0], motion[1], scales.home, row[begin + 3 : begin + 6])
+        show_point(motion[0], motion[1], scales.home, row[begin + 3 : begin + 6])
         row[begin + 6] = np.float32(math.cos(motion[2]))
         row[begin + 7] = np.float32(math.sin(motion[2]))
         shown += 1
 
 
 @kernel()
-def _show_point(ahead: float, left: float, scale: LogScale, row: np.ndarray) -> None:
+def show_point(ahead: float, left: float, scale: LogScale, row: np.ndarray) -> None:
     """Write direction (cosine, sine) and distance of a point; 1, 0, -1 at no distance."""
     away = length_of(ahead, left)
     row[0], row[1] = np.float32(1.0), np.float32(0.0)

@@ -81,6 +81,7 @@ class Scales(NamedTuple):
     time: LogScale
     patches: PatchScales
     graph: GraphScales
+    matches: int
 
 
 def make_log_scale(knee: float, longest: float) -> LogScale:

@@ -27,6 +27,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 from albot_core.mappers.albot1.perceptual_map.odometer_error import unknown_odometer
 from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS
 from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
+from albot_core.mappers.albot1.places.matches import match_place
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
 from albot_core.mappers.albot1.state import (
@@ -38,7 +39,7 @@ from albot_core.mappers.albot1.state import (
 )
 from albot_core.mappers.albot1.step import BatchArrays, step_robots
 from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
-from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec, PlaceMatches
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.schema import Arrays
 from albot_core.maps.activity import Activity
@@ -267,6 +268,12 @@ class Albot1Batch:
 
     def activity(self, row: int) -> Activity | None:
         """Return None: there is no attractor network."""
+
+    def place_matches(self, row: int, most: int) -> PlaceMatches:
+        """Return the earlier stays in one robot's place, and how sure the network is of them."""
+        view = self._arrays[row].view
+        surfaces = view.surfaces[: view.size[0]]
+        return match_place(self._networks[row], self.poses[row], surfaces, most)
 
     def surfaces(self, row: int) -> Segments:
         """Return the surfaces in one robot's map, in the map's frame (a copy)."""

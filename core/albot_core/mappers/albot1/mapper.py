@@ -14,7 +14,7 @@ from albot_core.mappers.albot1.places.events import Event
 from albot_core.mappers.albot1.places.hypothesis import Hypothesis
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.wayfinding import pointing, way_lines
-from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
+from albot_core.mappers.mapper import Estimate, MapperSpec, PlaceMatches, WayHome
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading
 
@@ -96,6 +96,10 @@ class Albot1:
             map_version=int(robot.map_versions[0]),
             segments=int(robot.segment_counts[0]),
         )
+
+    def place_matches(self, most: int) -> PlaceMatches:
+        """Return the earlier stays in the present place, and how sure the network is of them."""
+        return self._robot.place_matches(0, most)
 
     def snapshot(self) -> MapSnapshot:
         """Return the surfaces of the perceptual map, and the network of places."""
