@@ -67,7 +67,7 @@ def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _:
     assert isinstance(inside, SingleEnv)
     inside.recorder = kept
     try:
-        agent = find_agent(exploration.agent).make(EnvironmentConfigs.of(env), EXPLORE)
+        agent = find_agent(exploration.agent).make(EnvironmentConfigs.of(env))
         observation, info = begin_episode(env, agent, exploration.seed)
         for step in range(exploration.steps):
             on_step(step)

@@ -237,7 +237,7 @@ def _run(
     if mapper_config is not None:
         settings["mapper_config"] = read_robots_config(mapper, mapper_config)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
-    driver = entry.make(EnvironmentConfigs.of(env), task)
+    driver = entry.make(EnvironmentConfigs.of(env))
     inside = env.unwrapped
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)

@@ -168,7 +168,7 @@ def _run_agent(agent: str, task: str) -> None:
     brief = {} if entry.file is not None and task == PLACES else _brief(task)
     settings = entry.environment(task, {"world": WORLD, "render_mode": "rgb_array", **brief})
     env = gymnasium.make(task, max_episode_steps=STEPS, disable_env_checker=True, **settings)
-    driver = entry.make(EnvironmentConfigs.of(env), task)
+    driver = entry.make(EnvironmentConfigs.of(env))
     episode = RunningEpisode(env, driver, 0, steps=STEPS)
     while not episode.over:
         episode.advance()

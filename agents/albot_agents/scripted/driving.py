@@ -98,9 +98,9 @@ def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
     )
 
 
-CLAIM_SCORE, CLAIM_DISTANCE = 0.6, 2.0
-"""An agent claims to know a place if its best match has at least this score and was taken no farther
-away (m)."""
+CLAIM_SCORE, CLAIM_DISTANCE = 0.4, 1.0
+"""An agent claims to know a place if its best match has at least this score, and was taken no
+farther away than this (m)."""
 
 
 def decode_recognition(observation: Any, config: ObservationConfig) -> bool:

@@ -141,7 +141,7 @@ class _Way(NamedTuple):
 
 
 def _goal(patch: MapPatch, home: Points, cell: float) -> tuple[int, int] | None:
-    """Return the cell of the smallest patch to drive to; None if it shows neither home nor trail."""
+    """Return the cell of the smallest patch to drive to; None if no home or trail is shown."""
     cells = patch.channels["trail"].shape[1]
     if np.abs(home).max() < 0.5 * patch.sides[0]:
         row, column = (cells / 2 - home / cell).astype(int)
@@ -184,5 +184,3 @@ def shortest_path(
             return None
         way.append(ahead)
     return np.stack(np.unravel_index(way, costs.shape), axis=1).astype(np.float64)
-
-

@@ -27,6 +27,7 @@ from albot_core.maps.layers import (
 )
 from albot_env.tasks.core.coverage import with_coverage, words_of
 from albot_env.tasks.core.coverage_kernels import CoverageGrid
+from albot_env.tasks.core.row_arrays import Arrays
 
 CELL = 0.25
 """Side of the cells to which occupancy grids are thinned (m)."""
@@ -241,7 +242,7 @@ class MapReader:
             if len(values) > most:
                 more = ((0, 0), (0, max(len(values), 2 * most) - most), (0, 0))
                 ragged = ragged._replace(rows=np.pad(ragged.rows, more))
-                self.arrays = self.arrays._replace(**{name: ragged})
+                self.arrays = self.arrays._replace(**{name: ragged})  # type: ignore[arg-type]
             ragged.rows[row, : len(values)] = values
             ragged.counts[row] = len(values)
 

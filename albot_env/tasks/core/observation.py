@@ -65,7 +65,7 @@ def parts_by_map(mapper: MapperSpec | None, *others: str) -> tuple[str, ...]:
 
 
 def _optional_parts(mapper: MapperSpec | None) -> tuple[tuple[str, bool, str], ...]:
-    """Return the parts that not all mappers can give: name, whether it can, what it lacks if not."""
+    """Return name of each part that not all mappers can give, whether this can, what it lacks."""
     has_graph = mapper is not None and "place_graph" in mapper.layers
     has_matches = mapper is not None and mapper.has_matches
     return (

@@ -117,9 +117,8 @@ class OutwardJourneys(Journeys[OutwardJourney]):
     ) -> None:
         # The state at the end holds what was covered and the trail, and no other part of an
         # observation.
-        kind = replace(equipment, threads=1), observations.coverage, observations.map_patch.trail
-        kind = *kind, config
-        super().__init__(environment, kind, count)
+        seen = observations.coverage, observations.map_patch.trail
+        super().__init__(environment, (replace(equipment, threads=1), *seen, config), count)
         self._guide = _Guide(config, equipment.robot, movables=equipment.movables)
         # It always observes coverage and leaves a trail, so that robots that do can use its
         # journeys, too. The smallest patch that leaves one is drawn without the mapper's map.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +132,7 @@ def _crossed(world: World, way: Points) -> Iterator[Exit]:
     """Yield the doors that a way crosses, in its order."""
     doors = doors_of(world)
     lines = [shapely.LineString(np.reshape(door.segment, (2, 2))) for door in doors]
-    for leg in zip(way[:-1], way[1:], strict=True):
+    for leg in pairwise(way):
         path = shapely.LineString(leg)
         met = [
             (path.project(shapely.Point(path.intersection(line).coords[0])), k)
@@ -141,15 +142,18 @@ def _crossed(world: World, way: Points) -> Iterator[Exit]:
         yield from (doors[k] for _, k in sorted(met))
 
 
-def openable_doors(world: World, home: Points) -> Iterator[World]:
-    """Yield the world with a door shut, first for the door that makes the ways home longest.
+def openable_doors(world: World, field: DistanceField) -> Iterator[World]:
+    """Yield the world with one door shut, for each door that makes some ways home longer.
 
     Only doors are shut without which a room is at least `LONGER` times as far from home.
+
+    Args:
+        world: The world.
+        field: Geodesic distances home.
     """
+    home = field.anchors[0, :2] * field.cell + field.corner
     middles = np.array([room.boundary.mean(axis=0) for room in world.rooms])
-    field = DistanceField(world.walls, world.robot_radius, home)
     before = np.array([field.distance(middle) for middle in middles])
-    gains: list[tuple[float, World]] = []
     for door in doors_of(world):
         shut = with_door_shut(world, door)
         if shut is None:
@@ -157,11 +161,8 @@ def openable_doors(world: World, home: Points) -> Iterator[World]:
         around = DistanceField(shut.walls, shut.robot_radius, home)
         after = np.array([around.distance(middle) for middle in middles])
         known = np.isfinite(before) & np.isfinite(after) & (before > 0)
-        longer = (after[known] >= LONGER * before[known]).mean() if known.any() else 0.0
-        if longer > 0.0:
-            gains.append((float(longer), shut))
-    for _, shut in sorted(gains, key=lambda gain: -gain[0]):
-        yield shut
+        if (after[known] >= LONGER * before[known]).any():
+            yield shut
 
 
 def carried_pose(
@@ -211,9 +212,7 @@ def furniture_of(world: World) -> list[Int64[np.ndarray, "walls"]]:
     return pieces
 
 
-def with_furniture_moved(
-    world: World, position: Points, rng: np.random.Generator
-) -> World | None:
+def with_furniture_moved(world: World, position: Points, rng: np.random.Generator) -> World | None:
     """Move half of the furniture, each piece within its room; None if no piece can be moved.
 
     A piece that touches a wall with nothing but its side stays where it is, as do pieces for which

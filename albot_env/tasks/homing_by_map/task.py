@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
@@ -19,7 +20,6 @@ from albot_env.tasks.homing.outward_journey import OutwardJourney
 from albot_env.tasks.homing.task import HomingConfig, HomingTask
 from albot_env.tasks.homing_by_map.changes import (
     LONGER,
-    ChangedWorld,
     ChangesConfig,
     carried_pose,
     openable_doors,
@@ -27,11 +27,22 @@ from albot_env.tasks.homing_by_map.changes import (
     with_furniture_moved,
     with_walls,
 )
+from albot_env.tasks.homing_by_map.doorways import (
+    Doorway,
+    length_through,
+    possible_doorways,
+    with_doorway,
+    with_more_doors,
+)
 from albot_maps import World
 from albot_maps.geodesic import DistanceField
 
+_GIVEN, _MORE_DOORS = -2, -1
+"""Worlds that are changed: the one that was given, and that with more doors."""
 _KEPT = 64
-"""Number of worlds with a door shut that are kept."""
+"""Number of plans of changes that are kept."""
+_TRIES = 3
+"""Number of journeys that are made until a change is possible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +57,45 @@ class HomingByMapConfig(HomingConfig):
     """Whether what a planner has worked out may be observed (`HINTS`)."""
     changes: ChangesConfig = field(default_factory=ChangesConfig)
     """Shares of episodes before which something was changed."""
+
+
+class _Episode(NamedTuple):
+    """Where an episode begins: at the end of a journey, in the world after the change."""
+
+    journey: OutwardJourney
+    """The journey, with the changed world and the way home in it."""
+    base: int = _GIVEN
+    """What the world was changed from: `_GIVEN`, `_MORE_DOORS`, or the number of the doorway that
+    was cut into it."""
+    changed: bool = False
+    """Whether something was changed."""
+
+
+class _Plan(NamedTuple):
+    """What can be changed in a world."""
+
+    given: World
+    """The world."""
+    given_field: DistanceField
+    """Geodesic distances home in it."""
+    more_doors: World
+    """The world with more doors, so that there are ways round."""
+    more_field: DistanceField
+    """Geodesic distances home in that."""
+    shut: tuple[World, ...]
+    """The world with one of its doors shut without which some ways home are longer."""
+    doorways: tuple[Doorway, ...]
+    """The doorways that could be cut into the world."""
+
+
+def _carried(journey: OutwardJourney, rng: np.random.Generator) -> _Episode:
+    """Carry the robot elsewhere at the end of a journey."""
+    end = journey.end
+    pose = carried_pose(journey.world, journey.field, end.body.pose[:2], rng)
+    if pose is None:
+        return _Episode(journey)
+    end = replace(end, body=end.body._replace(pose=pose))
+    return _Episode(replace(journey, end=end), changed=True)
 
 
 class HomingByMapTask(HomingTask):
@@ -78,63 +128,103 @@ class HomingByMapTask(HomingTask):
         self._changes = config.changes
         self._given: list[World | None] = [None] * robots
         self._kinds = np.full(robots, "none", object)
-        self._shut: OrderedDict[tuple[int, bytes], tuple[World, list[World]]] = OrderedDict()
+        self._bases = np.full(robots, _GIVEN)
+        self._plans: OrderedDict[tuple[int, bytes], _Plan] = OrderedDict()
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Start a robot's episode at the end of an outward journey, after a change."""
         kind = self._changes.draw(rng)
-        journey = None
+        episode = None
         if kind == "door_opened":
-            journey = self._journey_past_shut_door(world, start, rng)
-        if journey is None:
-            kind = "none" if kind == "door_opened" else kind
-            journey = self._outward_journeys.draw(world, start, rng)
-        pose = journey.end.body.pose
-        changed = ChangedWorld(world, journey.field)
-        if kind == "door_opened":
-            changed = ChangedWorld(world, self._field(world, start))
+            episode = self._with_door_opened(world, start, rng)
         elif kind == "door_shut":
-            shut = shut_on_way_home(world, journey.field, pose[:2], start[:2])
-            kind, changed = ("none", changed) if shut is None else (kind, shut)
-        elif kind == "furniture_moved":
-            moved = with_furniture_moved(world, pose[:2], rng)
-            if moved is None:
-                kind = "none"
-            else:
-                changed = ChangedWorld(moved, self._field(moved, start))
-        elif kind == "carried":
-            elsewhere = carried_pose(world, journey.field, pose[:2], rng)
-            kind, pose = ("none", pose) if elsewhere is None else (kind, elsewhere)
-        end = journey.end
-        if kind == "carried":
-            end = replace(end, body=end.body._replace(pose=pose))
+            episode = self._with_door_shut(world, start, rng)
+        if episode is None:
+            journey = self._outward_journeys.draw(world, start, rng)
+            episode = _Episode(journey)
+            if kind == "carried":
+                episode = _carried(journey, rng)
+            elif kind == "furniture_moved":
+                episode = self._with_furniture_moved(journey, start, rng)
+            kind = kind if kind in ("carried", "furniture_moved") and episode.changed else "none"
         self._given[row], self._kinds[row] = world, kind
-        key = draw_key(rng) if self._shared else None
-        self._set_out_from(
-            row, replace(journey, world=changed.world, end=end, field=changed.field), key
-        )
+        self._bases[row] = episode.base
+        self._set_out_from(row, episode.journey, draw_key(rng) if self._shared else None)
 
-    def _journey_past_shut_door(
+    def _with_door_opened(
         self, world: World, start: Pose, rng: np.random.Generator
-    ) -> OutwardJourney | None:
-        """Make a journey while a door is shut, without which the way home is longer at its end."""
-        key = id(world), start.tobytes()
-        if key not in self._shut:
-            self._shut[key] = world, list(openable_doors(world, start[:2]))
-            if len(self._shut) > _KEPT:
-                self._shut.popitem(last=False)
-        self._shut.move_to_end(key)
-        kept = self._shut[key][1]
-        if not kept:
-            return None
-        journey = self._outward_journeys.draw(kept[int(rng.integers(len(kept)))], start, rng)
+    ) -> _Episode | None:
+        """Open a door after a journey through which the way home is shorter.
+
+        It is one of the world's own that was shut on the journey, or a wall was there.
+        """
+        plan = self._plan(world, start)
+        for number in rng.permutation(len(plan.shut))[:_TRIES].tolist():
+            journey = self._outward_journeys.draw(plan.shut[number], start, rng)
+            length = plan.given_field.distance(journey.end.body.pose[:2])
+            if journey.field.distance(journey.end.body.pose[:2]) >= LONGER * length:
+                opened = replace(journey, world=world, field=plan.given_field)
+                return _Episode(opened, changed=True)
+        for _ in range(_TRIES if plan.doorways else 0):
+            journey = self._outward_journeys.draw(world, start, rng)
+            position = journey.end.body.pose[:2]
+            robot = self._field(world, position)
+            lengths = [length_through(each, journey.field, robot) for each in plan.doorways]
+            number = int(np.argmin(lengths))
+            cut = None
+            if journey.field.distance(position) >= LONGER * lengths[number]:
+                cut = with_doorway(world, plan.doorways[number])
+            if cut is not None:
+                journey = replace(journey, world=cut, field=self._field(cut, start))
+                return _Episode(journey, base=number, changed=True)
+        return None
+
+    def _with_door_shut(
+        self, world: World, start: Pose, rng: np.random.Generator
+    ) -> _Episode | None:
+        """Shut a door on the way home after a journey, if there is another way."""
+        plan = self._plan(world, start)
+        for _ in range(_TRIES):
+            journey = self._outward_journeys.draw(plan.more_doors, start, rng)
+            position = journey.end.body.pose[:2]
+            shut = shut_on_way_home(plan.more_doors, plan.more_field, position, start[:2])
+            if shut is not None:
+                journey = replace(journey, world=shut.world, field=shut.field)
+                return _Episode(journey, base=_MORE_DOORS, changed=True)
+        return None
+
+    def _with_furniture_moved(
+        self, journey: OutwardJourney, start: Pose, rng: np.random.Generator
+    ) -> _Episode:
         position = journey.end.body.pose[:2]
-        direct = self._field(world, start).distance(position)
-        return journey if journey.field.distance(position) >= LONGER * direct else None
+        moved = with_furniture_moved(journey.world, position, rng)
+        if moved is None:
+            return _Episode(journey)
+        journey = replace(journey, world=moved, field=self._field(moved, start))
+        return _Episode(journey, changed=True)
+
+    def _plan(self, world: World, start: Pose) -> _Plan:
+        """Return what can be changed in a world; the most recent plans are kept."""
+        key = id(world), start.tobytes()
+        if key not in self._plans:
+            more, field = with_more_doors(world), self._field(world, start)
+            self._plans[key] = _Plan(
+                given=world,
+                given_field=field,
+                more_doors=more,
+                more_field=self._field(more, start),
+                shut=tuple(openable_doors(world, field)),
+                doorways=possible_doorways(world),
+            )
+            if len(self._plans) > _KEPT:
+                self._plans.popitem(last=False)
+        self._plans.move_to_end(key)
+        return self._plans[key]
 
     @staticmethod
-    def _field(world: World, start: Pose) -> DistanceField:
-        return DistanceField(world.walls, world.robot_radius, start[:2])
+    def _field(world: World, goal: Float64[np.ndarray, "numbers"]) -> DistanceField:
+        """Return the geodesic distances to a pose or a position."""
+        return DistanceField(world.walls, world.robot_radius, goal[:2])
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
@@ -153,6 +243,7 @@ class HomingByMapTask(HomingTask):
         return {
             **super()._task_state(row),
             "change.kind": kind.copy(),
+            "change.base": np.array(self._bases[row]),
             "change.walls": changed.walls,
             "change.glass": changed.glass,
         }
@@ -160,15 +251,17 @@ class HomingByMapTask(HomingTask):
     def set_state(self, row: int, world: World, state: RobotState) -> None:
         """Put a robot into a state; `world` is the one without the change."""
         walls, glass = state.arrays["change.walls"], state.arrays["change.glass"]
-        changed = world
-        if walls.shape != world.walls.shape or (walls != world.walls).any():
-            rebuilt = with_walls(world, walls, glass)
-            if rebuilt is None:
-                expected = "a changed world in which each room can be reached"
-                raise InputError("state", expected, "another one")
-            changed = rebuilt
+        number, base = int(state.arrays["change.base"]), world
+        if number != _GIVEN:
+            plan = self._plan(world, state.arrays["stats.starts"])
+            base = plan.more_doors
+            if 0 <= number < len(plan.doorways):
+                base = with_doorway(world, plan.doorways[number]) or world
+        changed = base if np.array_equal(walls, base.walls) else with_walls(base, walls, glass)
+        if changed is None:
+            raise InputError("state", "a change after which each room can be reached", "another")
         super().set_state(row, changed, state)
-        self._given[row] = world
+        self._given[row], self._bases[row] = world, number
         self._kinds[row] = state.arrays["change.kind"].tobytes().decode()
 
 

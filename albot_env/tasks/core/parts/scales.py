@@ -37,11 +37,6 @@ class Channels(NamedTuple):
         """Return the places of these channels, which are in their order."""
         return cls(**{name: names.index(name) if name in names else -1 for name in cls._fields})
 
-    @property
-    def count(self) -> int:
-        """Number of channels that are shown."""
-        return max(self) + 1
-
 
 class PatchScales(NamedTuple):
     """Scales, size and channels of the map's patches."""
