@@ -11,8 +11,7 @@ _TASKS = (
     ("Explore-v0", "Explore", "explore", 6000),
     ("Homing-v0", "Homing", "homing", 3000),
     ("HomingByMap-v0", "HomingByMap", "homing_by_map", 3000),
-    ("ExploreAndHome-v0", "ExploreAndHome", "explore_and_home", None),
-    ("ExploreAndHome-v1", "Mission", "mission", None),
+    ("ExploreAndHome-v1", "ExploreAndHome", "explore_and_home", None),
     ("PlaceRecognition-v0", "PlaceRecognition", "place_recognition", None),
 )
 

@@ -122,7 +122,7 @@ def _documented_infos() -> dict[str, set[str]]:
     [
         ("Albot/Explore-v0", "exploring"),
         ("Albot/Homing-v0", "homing"),
-        ("Albot/ExploreAndHome-v0", "exploring and coming home"),
+        ("Albot/ExploreAndHome-v1", "exploring and coming home"),
         ("Albot/PlaceRecognition-v0", "recognising places"),
     ],
 )

@@ -35,8 +35,7 @@ from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
 EXPLORE, HOMING, BY_MAP = "Albot/Explore-v0", "Albot/Homing-v0", "Albot/HomingByMap-v0"
-ROUND_TRIP, MISSION = "Albot/ExploreAndHome-v0", "Albot/ExploreAndHome-v1"
-PLACES = "Albot/PlaceRecognition-v0"
+ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v1", "Albot/PlaceRecognition-v0"
 
 DEFAULT_OBSERVATIONS = ObservationConfig()
 """The observations of the environments with their default sensors."""
@@ -164,7 +163,7 @@ AGENTS = {
         summary="Acts at random: the lower bound.",
         make=lambda _: RandomAgent(),
         mapper="none",
-        tasks=(EXPLORE, HOMING, BY_MAP, ROUND_TRIP, MISSION, PLACES),
+        tasks=(EXPLORE, HOMING, BY_MAP, ROUND_TRIP, PLACES),
     ),
     RatSlamHoming.name: AgentEntry(
         summary="Drives home by the quickest route over RatSLAM's experience map.",
@@ -175,7 +174,7 @@ AGENTS = {
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
         make=RoundTripAgent,
-        tasks=(ROUND_TRIP, MISSION),
+        tasks=(ROUND_TRIP,),
     ),
 }
 """The scripted agents by name, in alphabetical order."""

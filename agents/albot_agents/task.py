@@ -36,7 +36,7 @@ def check_task(task: str) -> None:
 
 
 def short_name(task: str) -> str:
-    """Return the short name of a task: `explore-and-home` for `Albot/ExploreAndHome-v0`."""
+    """Return the short name of a task: `explore-and-home` for `Albot/ExploreAndHome-v1`."""
     words = re.sub(r"-v\d+$", "", task.removeprefix(PREFIX))
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", words).lower()
 

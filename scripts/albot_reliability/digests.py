@@ -35,7 +35,7 @@ from albot_env.tasks.explore.task import ExploreConfig
 from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_env.tasks.homing.task import HomingConfig
 
-TASKS = ("Explore-v0", "Homing-v0", "PlaceRecognition-v0", "ExploreAndHome-v0")
+TASKS = ("Explore-v0", "Homing-v0", "PlaceRecognition-v0", "ExploreAndHome-v1")
 ENVIRONMENT_MAPPERS = ("none", "odometry", "albot1", "albot1-thesis")
 LOG_MAPPERS = ("albot1", "albot1-thesis", "albot1-tracked", "odometry")
 OFFICES = "random:office:0..9?rooms=6&people=2&boxes=2&doors=2"
@@ -160,7 +160,7 @@ def environment_runs() -> Iterator[Run]:
         ("Explore-v0", ExploreConfig(), 0.2),
         ("Homing-v0", HomingConfig(radius=20.0), 0.005),
         (
-            "ExploreAndHome-v0",
+            "ExploreAndHome-v1",
             ExploreAndHomeConfig(shortest=10, longest=25, radius=20.0, ground=10.0),
             0.004,
         ),

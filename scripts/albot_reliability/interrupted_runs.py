@@ -117,7 +117,7 @@ def prepare() -> dict[str, float]:
             kinds=(comparison.OFFICES,),
             settings={"max_episode_steps": 10, "mapper": "none"},
         )
-        for task in ("Albot/Explore-v0", "Albot/ExploreAndHome-v0")
+        for task in ("Albot/Explore-v0", "Albot/ExploreAndHome-v1")
     )
     comparison.RANDOM[comparison.OFFICES] = "random:maze"
     _load()

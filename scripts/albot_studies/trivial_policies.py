@@ -45,7 +45,6 @@ TASKS = {
     "Albot/Explore-v0": "gap-explorer",
     "Albot/Homing-v0": "albot1-homing",
     "Albot/HomingByMap-v0": "patch-homing",
-    "Albot/ExploreAndHome-v0": "round-trip",
     "Albot/ExploreAndHome-v1": "round-trip",
 }
 """The tasks in which the agent drives, and the scripted agent of each."""

@@ -158,9 +158,9 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
             "Albot/Homing-v0",
             "albot0-homing, albot1-homing, association-homing, map-homing, oracle, ",
         ),
-        ("nearest-frontier", "Albot/ExploreAndHome-v0", "random, round-trip"),
+        ("nearest-frontier", "Albot/ExploreAndHome-v1", "random, round-trip"),
         # At the start they are at home, and stay.
-        ("albot1-homing", "Albot/ExploreAndHome-v0", "random, round-trip"),
+        ("albot1-homing", "Albot/ExploreAndHome-v1", "random, round-trip"),
         (
             "oracle",
             "Albot/Explore-v0",

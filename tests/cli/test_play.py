@@ -331,7 +331,7 @@ def test_a_users_agent_file_is_watched_at_its_own_task(play: Play) -> None:
         (("homing", "--agent", "exploring"), "homing-mapless", "for Albot/Explore-v0"),
         (("explore", "--agent", "place-judge"), "one for Albot/Explore-v0: ", "place-judge"),
         (("place-recognition", "--agent", "keyboard"), "place-judge", "found keyboard"),
-        (("hooming",), "explore-and-home (Albot/ExploreAndHome-v0)", "did you mean homing?"),
+        (("hooming",), "explore-and-home (Albot/ExploreAndHome-v1)", "did you mean homing?"),
         (("--agent", "keyboard", "--headless"), "a window or a terminal", "--headless"),
         (("--agent", "keyboard", *SHORT), "a window or a terminal with keys", "neither"),
         (

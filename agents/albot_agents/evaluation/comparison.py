@@ -64,7 +64,7 @@ COMPARISONS = (
         agents=("gap-explorer", "nearest-frontier", "exploring", "random"),
         figure="coverage_auc",
     ),
-    Comparison(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random"), figure="spl"),
+    Comparison(task="Albot/ExploreAndHome-v1", agents=("round-trip", "random"), figure="spl"),
     # Rooms are the ground truth of places; the floor plans divide rooms unlike a robot sees them.
     Comparison(
         task="Albot/PlaceRecognition-v0",

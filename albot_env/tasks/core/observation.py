@@ -54,8 +54,6 @@ HOMING_PARTS = _in_order(*DEFAULT_PARTS, "confidence", "exit", "way")
 """Parts observed in homing, with hints."""
 BY_MAP_PARTS = _in_order(*DEFAULT_PARTS, "map_patch", "place_graph", "matches")
 """Parts observed in tasks without hints, as far as the mapper can give them."""
-EXPLORE_AND_HOME_PARTS = _in_order(*HOMING_PARTS, "frontier", "time_left")
-"""Parts observed in exploring and coming home, with hints."""
 
 
 def parts_by_map(mapper: MapperSpec | None, *others: str) -> tuple[str, ...]:
@@ -299,3 +297,27 @@ class ObservationConfig:
         """
         parts = observation if isinstance(observation, dict) else self.split(observation)
         return part.decode(parts[part.name], self.scales)
+
+
+def chosen_observations(config: Any, mapper: MapperSpec | None, *others: str) -> ObservationConfig:
+    """Return the observation config of a task that may bar hints.
+
+    Args:
+        config: The task's config, with `observations` (None for all parts of `BY_MAP_PARTS` that
+            the mapper can give) and `hints`, whether `HINTS` may be observed.
+        mapper: Spec of the mapper; None without one.
+        others: Further parts that are observed by default.
+
+    Raises:
+        InputError: Hints are to be observed though `config.hints` is false.
+    """
+    observations: ObservationConfig | None = config.observations
+    if observations is None:
+        hints = (*HINTS, "confidence") if config.hints else ()
+        return ObservationConfig(parts=parts_by_map(mapper, *hints, *others))
+    barred = [part for part in observations.parts if part in HINTS]
+    if barred and not config.hints:
+        name = type(config).__name__
+        expected = "parts that are no hints, or hints=True"
+        raise InputError(f"{name}.observations", expected, barred[0], place="parts")
+    return observations

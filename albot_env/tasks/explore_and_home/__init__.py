@@ -1,1 +1,1 @@
-"""`Albot/ExploreAndHome-v0`: explore, and return home before the time is up."""
+"""`Albot/ExploreAndHome-v1`: explore, and return home before the time is up."""

@@ -1,4 +1,4 @@
-"""`Albot/ExploreAndHome-v0`: explore, and return home before the time is up."""
+"""`Albot/ExploreAndHome-v1`: explore, and return home before the time is up."""
 
 from __future__ import annotations
 
@@ -12,18 +12,23 @@ class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
 
     Description:
         The robot of `Albot/Explore-v0` starts with an empty map and a time budget. Its task is to
-        cover as much ground and enter as many rooms as it can, to return to the start before the
-        budget is spent, and to declare that it is home. A step is 0.1 s.
+        cover as much ground and enter as many rooms as it can, to claim the places that it comes to
+        again, to return to the start before the budget is spent, and to declare that it is home.
+        A step is 0.1 s.
 
     Action space:
-        `Box(-1, 1, (3,), float32)`: speed and turn rate, as shares of `DeclaringActionConfig`,
-        and a number that, above 0.5, declares: "my position at the end of this step is home".
-        Numbers beyond ±1 are clipped. Another shape, NaN and infinity raise an `InputError`.
+        `Box(-1, 1, (4,), float32)`: speed and turn rate, as shares of `MissionActionConfig`, a
+        number that, above 0.5, declares: "my position at the end of this step is home", and one
+        that, above 0.5, claims: "I have been here before, where my map says that I was" (see
+        `claims`). `ExploreAndHomeConfig(claims=False)` omits the fourth number. Numbers beyond ±1
+        are clipped. Another shape, NaN and infinity raise an `InputError`.
 
     Observation space:
-        As in `Albot/Homing-v0`, and a part `time_left`, the remaining budget, which the robot
-        knows: 1 at `ObservationConfig.time_range` (ten minutes) and more, -1 when it is spent,
-        logarithmic in between.
+        The robot's sensors, where it believes home to be, what its mapper remembers (`map_patch`,
+        `place_graph`, `matches`), as far as the mapper can give it, and `time_left`, the remaining
+        budget, which the robot knows: 1 at `ObservationConfig.time_range` (ten minutes) and more,
+        -1 when it is spent, logarithmic in between. What a planner has worked out (`HINTS`) is
+        barred unless `ExploreAndHomeConfig(hints=True)`.
 
     Rewards:
         The sum of the terms of `ExploreAndHomeWeights`; `info["reward_terms"]` holds each term.
@@ -41,7 +46,7 @@ class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
         `gymnasium.make` is given a number).
 
     Info:
-        The same as in `Albot/Explore-v0` except for claims, and: `is_success`, `declared`,
+        The same as in `Albot/Explore-v0`, and: `is_success`, `declared`,
         `time_left` (s), `distance_home` (m; the shortest path for a robot of this width, without
         dynamic obstacles), `farthest_distance_home` (m; the maximum of `distance_home` so far),
         `next_turn_home` (x, y in the world frame, m), `spl` (success × `farthest_distance_home` /
@@ -55,7 +60,7 @@ class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
         settings: See `Settings`; and `render_mode`.
 
     Raises:
-        InputError: As for `SingleEnv`.
+        InputError: As for `SingleEnv`; or hints are to be observed, which this task bars.
     """
 
     task = ExploreAndHomeTask

@@ -21,7 +21,7 @@ from albot_env.tasks.core.actions import (
 )
 from albot_env.tasks.core.claims import ClaimJudge, Claims
 from albot_env.tasks.core.driving import DrivingTask
-from albot_env.tasks.core.observation import EXPLORE_AND_HOME_PARTS, ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig, chosen_observations
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.core.way_home import (
@@ -49,12 +49,13 @@ class ExploreAndHomeConfig:
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """Speed and turn rate of actions, and the declaration."""
-    claims: bool = False
+    claims: bool = True
     """Whether actions have a fourth number, which claims that the place is known (see `claims`)."""
-    observations: ObservationConfig = field(
-        default_factory=lambda: ObservationConfig(parts=EXPLORE_AND_HOME_PARTS)
-    )
-    """Parts and scales of observations, and the coverage grid."""
+    observations: ObservationConfig | None = None
+    """Parts and scales of observations; None for `parts_by_map`, all that the mapper can give, and
+    the time left."""
+    hints: bool = False
+    """Whether what a planner has worked out may be observed (`HINTS`)."""
     weights: ExploreAndHomeWeights = field(default_factory=ExploreAndHomeWeights)
     """Weights of the reward's terms."""
     shortest: float = 120.0
@@ -85,9 +86,13 @@ class ExploreAndHomeTask(DrivingTask):
         robots: Number of robots.
         equipment: Equipment of the robots.
         config: Parameters of actions, observations, rewards and the time budget.
+
+    Raises:
+        InputError: The mapper is unknown, or hints are to be observed though `config.hints` is
+            false.
     """
 
-    environment: ClassVar[str] = "Albot/ExploreAndHome-v0"
+    environment: ClassVar[str] = "Albot/ExploreAndHome-v1"
     terms_of_reward: ClassVar[tuple[str, ...]] = ExploreAndHomeTerms._fields
     has_budget: ClassVar[bool] = True
 
@@ -99,10 +104,11 @@ class ExploreAndHomeTask(DrivingTask):
         config: ExploreAndHomeConfig | None = None,
     ) -> None:
         config = chosen_config(config, ExploreAndHomeConfig, self.environment)
+        seen = chosen_observations(config, equipment.spec, "time_left")
         actions: FlaggingActionConfig = config.actions
         if config.claims:
             actions = MissionActionConfig(**vars(config.actions))
-        super().__init__(robots, equipment, actions=actions, observations=config.observations)
+        super().__init__(robots, equipment, actions=actions, observations=seen)
         self._flags = actions
         self._config = config
         self._distance_fields = DistanceFieldCache()

@@ -141,8 +141,8 @@ def with_doorway(world: World, doorway: Doorway) -> World | None:
 
 def _cut(
     walls: Segments, glass: Bool[np.ndarray, "walls"], doorway: Doorway
-) -> tuple[Segments, Bool[np.ndarray, "walls"]]:
-    """Return walls without what lies in a doorway, and with its two jambs if they are thick."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return walls (n, 4) and which are glass (n,) after a doorway is cut, with its jambs."""
     kept, is_glass, faces = [], [], []
     for wall, pane in zip(walls, glass, strict=True):
         line = shapely.LineString(wall.reshape(2, 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -13,7 +13,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_env.sim.batch_simulator import draw_key
 from albot_env.tasks.core.episode_state import RobotState
-from albot_env.tasks.core.observation import HINTS, ObservationConfig, parts_by_map
+from albot_env.tasks.core.observation import ObservationConfig, chosen_observations
 from albot_env.tasks.core.row_arrays import Arrays
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.homing.outward_journey import OutwardJourney
@@ -123,7 +123,8 @@ class HomingByMapTask(HomingTask):
         journeys: int = 0,
     ) -> None:
         config = chosen_config(config, HomingByMapConfig, self.environment)
-        config = replace(config, observations=without_hints(config, equipment))
+        seen = chosen_observations(config, equipment.spec)
+        config = replace(config, observations=seen)
         super().__init__(robots, equipment, config=config, journeys=journeys)
         self._changes = config.changes
         self._given: list[World | None] = [None] * robots
@@ -263,26 +264,3 @@ class HomingByMapTask(HomingTask):
         super().set_state(row, changed, state)
         self._given[row], self._bases[row] = world, number
         self._kinds[row] = state.arrays["change.kind"].tobytes().decode()
-
-
-def without_hints(config: Any, equipment: Equipment, *others: str) -> ObservationConfig:
-    """Return the observation config of a task that may bar hints.
-
-    Args:
-        config: A config with `observations` (None for all that the mapper can give) and `hints`.
-        equipment: The robots' equipment.
-        others: Further parts that are observed by default.
-
-    Raises:
-        InputError: Hints are to be observed though `config.hints` is false.
-    """
-    observations: ObservationConfig | None = config.observations
-    if observations is None:
-        hints = HINTS if config.hints else ()
-        return ObservationConfig(parts=parts_by_map(equipment.spec, *hints, *others))
-    barred = [part for part in observations.parts if part in HINTS]
-    if barred and not config.hints:
-        name = type(config).__name__
-        expected = "parts that are no hints, or hints=True"
-        raise InputError(f"{name}.observations", expected, barred[0], place="parts")
-    return observations

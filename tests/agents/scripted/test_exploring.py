@@ -136,7 +136,7 @@ def test_it_goes_on_in_the_office(seed: int) -> None:
 def test_it_explores_and_is_home_in_time() -> None:
     config = ExploreAndHomeConfig(shortest=60.0, longest=60.0, ground=20.0)
     trial = Trial(
-        task="Albot/ExploreAndHome-v0",
+        task="Albot/ExploreAndHome-v1",
         agent="round-trip",
         world="office-ring",
         seed=3,

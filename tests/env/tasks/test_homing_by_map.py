@@ -12,6 +12,8 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_env.tasks.core.observation import HINTS, HOMING_PARTS, ObservationConfig
+from albot_env.tasks.explore_and_home.env import ExploreAndHomeEnv
+from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing_by_map.changes import (
     CHANGES,
@@ -24,8 +26,6 @@ from albot_env.tasks.homing_by_map.changes import (
 )
 from albot_env.tasks.homing_by_map.env import HomingByMapEnv, HomingByMapVectorEnv
 from albot_env.tasks.homing_by_map.task import HomingByMapConfig
-from albot_env.tasks.mission.env import MissionEnv
-from albot_env.tasks.mission.task import MissionConfig
 from albot_maps import Exit, Room, World
 from albot_maps.geodesic import DistanceField
 
@@ -228,11 +228,14 @@ def test_hints_are_barred_and_the_default_shows_what_the_mapper_can_give(ring: W
     assert set(HINTS) <= set(HomingByMapEnv(ring, config=hinted).observation_config.parts)
     for env, config in (
         (HomingByMapEnv, HomingByMapConfig(observations=ObservationConfig(parts=HOMING_PARTS))),
-        (MissionEnv, MissionConfig(observations=ObservationConfig(parts=HOMING_PARTS))),
+        (
+            ExploreAndHomeEnv,
+            ExploreAndHomeConfig(observations=ObservationConfig(parts=HOMING_PARTS)),
+        ),
     ):
         with pytest.raises(InputError, match=r"parts: expected .*hints=True, found exit"):
             env(ring, config=config)
-    mission = MissionEnv(ring).observation_config.parts
+    mission = ExploreAndHomeEnv(ring).observation_config.parts
     assert {"time_left", "map_patch", "matches"} <= set(mission)
 
 

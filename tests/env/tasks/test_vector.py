@@ -9,7 +9,7 @@ from tests.env.quick import LOOP
 
 
 def test_without_a_limit_nothing_is_truncated() -> None:
-    envs = gymnasium.make_vec("Albot/ExploreAndHome-v0", num_envs=2, world=LOOP, mapper="none")
+    envs = gymnasium.make_vec("Albot/ExploreAndHome-v1", num_envs=2, world=LOOP, mapper="none")
     envs.reset(seed=1)
     _, _, _, truncated, _ = envs.step(np.zeros((2, 3), np.float32))
     envs.close()

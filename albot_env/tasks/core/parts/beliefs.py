@@ -287,7 +287,7 @@ TIME_LEFT = ObservationPart(
     name="time_left",
     numbers="1",
     meaning=(
-        "`Albot/ExploreAndHome-v0` only: remaining time, 1 at ten minutes and more, -1 when it "
+        "`Albot/ExploreAndHome-v1` only: remaining time, 1 at ten minutes and more, -1 when it "
         "is up, logarithmic in between"
     ),
     shape=lambda _: (1,),
