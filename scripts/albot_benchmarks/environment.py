@@ -18,7 +18,7 @@ from albot_benchmarks.baselines import PymunkLoopEnv
 from albot_benchmarks.timing import Rate, Workload, best_rates, rate_of
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.thread_pool import ThreadPool
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation import DEFAULT_PARTS, ObservationConfig
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import World, load_world
 
@@ -28,6 +28,8 @@ WORLD = "random:office:3?rooms=10"
 
 SENSORS = "laser", "sonar", "motion"
 """Parts of the observation that come directly from the sensors."""
+WITH_MAP = (*DEFAULT_PARTS, "map_patch")
+"""The parts as usual, and what the mapper remembers in two squares of 32 × 32 cells."""
 
 _ENDLESS = 10**9
 _HOLD = 10
@@ -80,6 +82,7 @@ CASES = (
     Case(mapper="none", num_envs=256, steps=65536),
     Case(mapper="none", num_envs=1024, steps=65536),
     Case(mapper="albot1", num_envs=1024, steps=32768),
+    Case(mapper="albot1", num_envs=256, steps=32768, parts=WITH_MAP),
     Case(mapper="none", num_envs=1024, steps=65536, threads=None),
     Case(mapper="albot1", num_envs=1024, steps=32768, threads=None),
 )

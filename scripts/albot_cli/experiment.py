@@ -40,6 +40,7 @@ STUDIES = {
     "false-closures": "Add false loop closures to graph SLAM's map of a log.",
     "kidnapped-robots": "Count the kidnapped robots that notice it.",
     "lost-evidence": "Fit the weights of hypotheses of where a kidnapped robot is.",
+    "map-patches": "Draw the map that agents observe beside the mapper's map.",
     "odometer-resets": "Put resets of the odometer into logs, and map them.",
     "place-evidence": "Fit the weights of the evidence that two places are one.",
     "room-confusions": "Count the random worlds in which a room is taken for another.",

@@ -243,7 +243,7 @@ def test_a_line_is_drawn_in_the_cells_that_it_passes(ends: list[float]) -> None:
     """By shapely, but for cells that it only touches."""
     cells, line = 8, shapely.LineString((ends[:2], ends[2:]))
     square = np.full(cells * cells, -1.0, np.float32)
-    draw_line(*ends, cells, square)
+    draw_line(tuple(ends[:2]), tuple(ends[2:]), 1.0, cells, square)
     for row in range(cells):
         for column in range(cells):
             inner = shapely.box(column + 1e-6, row + 1e-6, column + 1 - 1e-6, row + 1 - 1e-6)

@@ -21,6 +21,9 @@ from albot_env.tasks.core.parts.scales import Channels, Scales
 
 CHANNELS = Channels._fields
 """All channels, in their order in a patch."""
+_JUMP = 2.0
+"""Points of a trail that are farther apart than this, along both axes together (m), are not
+joined."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,18 +221,26 @@ def place_in(x: float, y: float, view: _View) -> tuple[float, float]:
 def _draw_point(x: float, y: float, value: float, view: _View, patch: np.ndarray) -> None:
     """Show a point (map, m), unless its cell shows a greater value already."""
     u, v = place_in(x, y, view)
-    if 0.0 <= u < view.cells and 0.0 <= v < view.cells:
-        cell = int(v) * view.cells + int(u)
-        patch[cell] = max(patch[cell], np.float32(value))
+    if min(u, v) >= 0.0:
+        _show(int(u), int(v), value, view.cells, patch)
 
 
 @kernel()
 def _draw_trail(i: int, trail: RaggedRows, view: _View, patch: np.ndarray) -> None:
-    """Show robot i's trail: 1 at the newest point, down to 0 at the oldest remembered."""
-    count, most = trail.counts[i], trail.rows.shape[1]
+    """Show robot i's trail: 1 at the newest point, down to 0 at the oldest remembered.
+
+    Points are joined by lines, but not where the belief jumped.
+    """
+    count, points, jump = trail.counts[i], trail.rows[i], _JUMP / view.cell
+    fading = 1.0 / points.shape[0]
+    u = v = math.inf
     for k in range(count):
-        age = (count - 1 - k) / most
-        _draw_point(trail.rows[i, k, 0], trail.rows[i, k, 1], 1.0 - age, view, patch)
+        end_u, end_v = place_in(points[k, 0], points[k, 1], view)
+        if abs(end_u - u) + abs(end_v - v) <= jump:
+            draw_line((u, v), (end_u, end_v), 1.0 - (count - k) * fading, view.cells, patch)
+        u, v = end_u, end_v
+        if min(u, v) >= 0.0:
+            _show(int(u), int(v), 1.0 - (count - 1 - k) * fading, view.cells, patch)
 
 
 @kernel()
@@ -252,29 +263,33 @@ def _draw_segments(i: int, segments: RaggedRows, view: _View, patch: np.ndarray)
         ends = segments.rows[i, k]
         u, v = place_in(ends[0], ends[1], view)
         end_u, end_v = place_in(ends[2], ends[3], view)
-        draw_line(u, v, end_u, end_v, view.cells, patch)
+        draw_line((u, v), (end_u, end_v), 1.0, view.cells, patch)
 
 
 @kernel()
 def draw_line(
-    u: float, v: float, end_u: float, end_v: float, cells: int, patch: np.ndarray
+    start: tuple[float, float],
+    end: tuple[float, float],
+    value: float,
+    cells: int,
+    patch: np.ndarray,
 ) -> None:
-    """Set the cells of a square patch to 1 through which a line passes, from column u, row v on.
+    """Show the cells of a square patch through which a line passes, unless they show more already.
+
+    The line leads from column and row to column and row (cells).
 
     The part on the patch is found as in Liang and Barsky, A new concept and method for line
     clipping (ACM Transactions on Graphics 3, 1984); its cells as in Amanatides and Woo, A fast
     voxel traversal algorithm for ray tracing (Eurographics 1987).
     """
-    du, dv = end_u - u, end_v - v
-    first, last = 0.0, 1.0
-    for axis in range(2):
-        start, along = (u, du) if axis == 0 else (v, dv)
-        if along == 0.0:
-            if start < 0.0 or start >= cells:
-                return
-        else:
-            low, high = -start / along, (cells - start) / along
-            first, last = max(first, min(low, high)), min(last, max(low, high))
+    u, v = start
+    du, dv = end[0] - u, end[1] - v
+    # Most lines are beside the patch, or in one cell of a coarse one.
+    if int(u) == int(end[0]) and int(v) == int(end[1]) and min(u, v, *end) >= 0.0:
+        _show(int(u), int(v), value, cells, patch)
+        return
+    first, last = _within(u, du, cells, 0.0, 1.0)
+    first, last = _within(v, dv, cells, first, last)
     if first > last:
         return
     column = min(max(int(u + first * du), 0), cells - 1)
@@ -285,17 +300,29 @@ def draw_line(
     next_v = (row + (down > 0) - v) / dv if dv != 0.0 else math.inf
     step_u = abs(1.0 / du) if du != 0.0 else math.inf
     step_v = abs(1.0 / dv) if dv != 0.0 else math.inf
-    while True:
-        patch[row * cells + column] = np.float32(1.0)
+    while _show(column, row, value, cells, patch) and min(next_u, next_v) < last:
         if next_u < next_v:
-            if next_u > last:
-                return
             column += right
             next_u += step_u
         else:
-            if next_v > last:
-                return
             row += down
             next_v += step_v
-        if column < 0 or column >= cells or row < 0 or row >= cells:
-            return
+
+
+@kernel()
+def _show(column: int, row: int, value: float, cells: int, patch: np.ndarray) -> bool:
+    """Show a value in a cell, unless it shows more already; return whether the patch has it."""
+    if column < 0 or column >= cells or row < 0 or row >= cells:
+        return False
+    cell = row * cells + column
+    patch[cell] = max(patch[cell], np.float32(value))
+    return True
+
+
+@kernel()
+def _within(at: float, along: float, cells: int, first: float, last: float) -> tuple[float, float]:
+    """Return the shares of a line between which it is also on the patch along one axis."""
+    if along == 0.0:
+        return (first, last) if 0.0 <= at < cells else (1.0, 0.0)
+    low, high = -at / along, (cells - at) / along
+    return max(first, min(low, high)), min(last, max(low, high))
