@@ -16,9 +16,11 @@ _TASKS = (
 )
 
 for _id, _name, _folder, _steps in _TASKS:
-    gymnasium.register(
-        id=f"Albot/{_id}",
-        entry_point=f"albot_env.tasks.{_folder}.env:{_name}Env",
-        vector_entry_point=f"albot_env.tasks.{_folder}.env:{_name}VectorEnv",
-        max_episode_steps=_steps,
-    )
+    for _twin in ("", "Revealed") if _name != "PlaceRecognition" else ("",):
+        gymnasium.register(
+            id=f"Albot/{_id.replace('-', f'{_twin}-')}",
+            entry_point=f"albot_env.tasks.{_folder}.env:{_name}Env",
+            vector_entry_point=f"albot_env.tasks.{_folder}.env:{_name}VectorEnv",
+            max_episode_steps=_steps,
+            kwargs={"reveal": True} if _twin else {},
+        )

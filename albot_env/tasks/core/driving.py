@@ -24,7 +24,7 @@ from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.episode_state import RobotState
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig, revealed
 from albot_env.tasks.core.observation_builder import ObservationBuilder
 from albot_env.tasks.core.parts.beliefs import TIME_LEFT
 from albot_env.tasks.core.parts.part import Need
@@ -90,6 +90,7 @@ class DrivingTask(Task):
         self.ground_laser = sensors.ground_laser.geometry
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
         spec = None if mappers is None else mappers.spec
+        observations = revealed(observations, reveal=equipment.reveal)
         observations = observations.fitted(*sensors.geometries, spec)
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
@@ -120,6 +121,8 @@ class DrivingTask(Task):
             ranges=self._simulator.ranges,
             echoes=self._simulator.echoes,
             time_left=np.full(robots, np.inf),
+            starts=np.zeros((robots, 3)),
+            true_homes=np.zeros((robots, 3)),
         )
         super().__init__(robots, actions=actions, observations=observations, state=state)
 
@@ -152,6 +155,7 @@ class DrivingTask(Task):
             self._state.ways_home[row, TRAVEL] = 0
         self._worlds[row], self.world_names[row] = world, world.name
         begin_stats(row, start, stats)
+        self._state.starts[row] = start
         stats.before[row], stats.path_lengths[row] = start[:2], 0.0
 
     def act(self, numbers: Numbers) -> None:

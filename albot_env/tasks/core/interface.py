@@ -30,7 +30,7 @@ class TaskInterface(Generic[Robots]):
         task: The task's class.
         robots: Number of robots.
         threads: Threads that share the work; None for one per processor.
-        mapper, odometer, laser, sonar, scenes, observation, action, movables, robot: See
+        mapper, odometer, laser, sonar, scenes, observation, action, movables, reveal, robot: See
             `CommonSettings`.
         of_task: The task's own settings, which are the keywords of its class.
 
@@ -53,6 +53,7 @@ class TaskInterface(Generic[Robots]):
         observation: str = "flat",
         action: str = "continuous",
         movables: bool = True,
+        reveal: bool = False,
         robot: Any = DEFAULT_ROBOT,
         **of_task: Any,
     ) -> None:
@@ -72,6 +73,7 @@ class TaskInterface(Generic[Robots]):
             sonar=sonar,
             scenes=scenes,
             movables=movables,
+            reveal=reveal,
             robot=robot,
             threads=threads,
             environment=task.environment,
@@ -85,7 +87,8 @@ class TaskInterface(Generic[Robots]):
         """Body and drive of the robots."""
         names = {"odometer": odometer, "laser": laser, "sonar": sonar, "scenes": scenes}
         self._identity = {"mapper": mapper, "mapper_config": equipment.mapper_config, **names}
-        self._identity |= {"movables": movables, "robot": equipment.robot, "journeys": 0, **of_task}
+        own = {"movables": movables, "reveal": reveal, "robot": equipment.robot, "journeys": 0}
+        self._identity |= own | of_task
         make: Any = task  # A task is made of robots, equipment and its own settings.
         self.robots: Robots = make(robots, equipment, **of_task)
         """The robots."""

@@ -30,6 +30,7 @@ from albot_env.tasks.core.parts.scales import (
     Scales,
     make_log_scale,
 )
+from albot_env.tasks.core.parts.truth import REVEALED
 from albot_env.tasks.core.wayfinding import WayfindingConfig
 
 _TIME_KNEE = 0.05
@@ -320,4 +321,20 @@ def chosen_observations(config: Any, mapper: MapperSpec | None, *others: str) ->
         name = type(config).__name__
         expected = "parts that are no hints, or hints=True"
         raise InputError(f"{name}.observations", expected, barred[0], place="parts")
+    return observations
+
+
+def revealed(observations: ObservationConfig, *, reveal: bool) -> ObservationConfig:
+    """Return an observation config with the parts that reveal the truth, or without.
+
+    Raises:
+        InputError: It asks for one of these parts, and the truth is not to be revealed.
+    """
+    if reveal:
+        others = (part for part in observations.parts if part not in REVEALED)
+        return replace(observations, parts=(*others, *REVEALED))
+    asked = [part for part in observations.parts if part in REVEALED]
+    if asked:
+        expected = "parts that are no truth, or an environment that reveals it (reveal=True)"
+        raise InputError("ObservationConfig.parts", expected, asked[0])
     return observations

@@ -25,6 +25,7 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
 from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.part import Need
+from albot_env.tasks.core.parts.truth import TrueMaps
 from albot_env.tasks.core.rooms import NO_ROOMS, Rooms, joined, outlines_of
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_env.tasks.core.state import BatchState, ExplorationProgress
@@ -62,6 +63,8 @@ class ProgressSnapshot(NamedTuple):
     """Positions that it remembers, as believed; empty if no observed part needs them."""
     readings: int
     """Number of readings that its mapper has had; 0 if no observed part needs it."""
+    true_trail: Points
+    """Positions where it truly was (world frame); empty if the truth is not revealed."""
 
 
 class ObservationBuilder:
@@ -101,6 +104,10 @@ class ObservationBuilder:
             config.map_patch.trail,
             reads_maps=reads_maps,
             matches=config.matches if config.observes(MATCHES) else 0,
+        )
+        self._true_maps = TrueMaps(robots) if config.needs(Need.TRUTH) else None
+        self._truth = MapReader(
+            robots, self._true_maps, config.map_patch.trail, reads_maps=self._true_maps is not None
         )
         self._worlds = WorldCache(robots, self._add_world, self._forget_rooms)
         self._rooms = Rooms(
@@ -151,6 +158,9 @@ class ObservationBuilder:
             side = self._wayfinding.side(map_extent(world))
             self._occupancy = with_occupancy(self._occupancy, row, side)
         self._maps.begin(row, map_extent(world))
+        self._truth.begin(row, map_extent(world))
+        if self._true_maps is not None:
+            self._true_maps.begin(row, world)
         progress = self.progress
         progress.ground[row], progress.rooms_entered[row] = 0, 0
         progress.moved[row] = np.inf
@@ -168,6 +178,7 @@ class ObservationBuilder:
             moved=progress.moved[row].copy(),
             trail=self._maps.trail(row),
             readings=int(self._maps.arrays.readings[row]) + 1,
+            true_trail=self._truth.trail(row),
         )
 
     def restore(self, row: int, snapshot: ProgressSnapshot) -> None:
@@ -187,6 +198,8 @@ class ObservationBuilder:
         progress.moved[row] = snapshot.moved
         if self._has_map:
             self._maps.set_trail(row, snapshot.trail, snapshot.readings)
+        if self._true_maps is not None:
+            self._truth.set_trail(row, snapshot.true_trail, 0)
 
     def state(self, row: int) -> Arrays:
         """Return all that the observations of a robot depend on besides its readings (copies)."""
@@ -200,6 +213,7 @@ class ObservationBuilder:
             **copied_rows("occupancy", occupancy, row, _KEPT_OF_OCCUPANCY),
             "occupancy.grids": occupancy.grids[row, :cells].copy(),
             **self._maps.state(row),
+            "truth.trail": self._truth.trail(row),
         }
 
     def set_state(self, row: int, state: Arrays) -> None:
@@ -213,6 +227,7 @@ class ObservationBuilder:
         put_rows("progress", self.progress, row, state)
         put_rows("occupancy", self._occupancy, row, state)
         self._maps.set_state(row, state)
+        self._truth.set_trail(row, state["truth.trail"], 0)
 
     def _room_count(self, row: int) -> int:
         first, last = self._rooms.worlds[row].tolist()
@@ -239,8 +254,10 @@ class ObservationBuilder:
         """Track the coverage and rooms of some robots, and fill their rows of `observations`."""
         if self._has_map:
             self._maps.update(rows, state.beliefs)
-        maps = self._maps.arrays
-        changing = self._covered, self._believed, self._rooms, state, self._occupancy, maps
+        if self._true_maps is not None:
+            self._truth.update(rows, state.poses)
+        maps = self._maps.arrays, self._truth.arrays
+        changing = self._covered, self._believed, self._rooms, state, self._occupancy, *maps
         arguments = self._arguments.arguments(*changing)
         observe_robots(rows, arguments, observations)
 
@@ -252,8 +269,9 @@ class ObservationBuilder:
         state: BatchState,
         occupancy: OccupancyGrids,
         maps: MapArrays,
+        truth: MapArrays,
     ) -> tuple[Any, ...]:
         """Return the arguments of `observe_robots`."""
         scales = self._scales, self._layout
-        ways = *self._searching, occupancy, maps
+        ways = *self._searching, occupancy, maps, truth
         return self._sensor, covered, believed, rooms, *scales, state, self.progress, *ways

@@ -59,8 +59,9 @@ from albot_env.tasks.core.parts.sensors import (
     fill_motion,
     fill_sonar,
 )
+from albot_env.tasks.core.parts.truth import TRUE_HOME, TRUE_PATCH
 from albot_env.tasks.core.rooms import Rooms, find_room
-from albot_env.tasks.core.state import BatchState, ExplorationProgress
+from albot_env.tasks.core.state import BatchState, ExplorationProgress, true_state
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyParams,
     find_onward,
@@ -71,7 +72,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
 PARTS: tuple[ObservationPart[Any], ...] = (
     LASER, SONAR, MOTION, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT, COVERAGE,
     FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
-    MATCHES,
+    MATCHES, TRUE_HOME, TRUE_PATCH,
 )  # fmt: skip
 """All parts, in their order in the flat observation."""
 Layout: Any = namedtuple("Layout", [part.name for part in PARTS])  # type: ignore[misc]
@@ -85,9 +86,11 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
 
     `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, the one believed covered,
     `Rooms`, `Scales`, `Layout`, `BatchState`, `ExplorationProgress`, `OccupancyParams`,
-    `SearchParams`, `OccupancyGrids` and `MapArrays`.
+    `SearchParams`, `OccupancyGrids`, `MapArrays`, and those of the truth.
     """
-    sensor, _, believed, _, scales, _, state, _, _, search, occupancy, maps = unpack(arguments)
+    sensor, covered, believed, _, scales, _, state, _, _, search, occupancy, maps, truth = unpack(
+        arguments
+    )
     # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
     nearest = np.empty(scales.sectors)
     frontier = np.empty(scales.sectors if scales.sectors else state.ranges.shape[1])
@@ -99,15 +102,23 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
     sources = Sources(
         scales, state, sensor, believed, search, occupancy, nearest, frontier, maps, graph
     )
-    _observe_robots(rows, arguments, sources, observations)
+    true = true_state(state)
+    truths = Sources(
+        scales, true, sensor, covered, search, occupancy, nearest, frontier, truth, graph
+    )
+    _observe_robots(rows, arguments, sources, truths, observations)
 
 
 @kernel()
 def _observe_robots(
-    rows: np.ndarray, arguments: KernelArguments, sources: Sources, observations: np.ndarray
+    rows: np.ndarray,
+    arguments: KernelArguments,
+    sources: Sources,
+    truths: Sources,
+    observations: np.ndarray,
 ) -> None:
-    """Run `observe_robots` with what the parts are computed from."""
-    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _, _ = unpack(
+    """Run `observe_robots` with what the parts are computed from, as believed and in truth."""
+    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _, _, _ = unpack(
         arguments
     )
     for i in rows:
@@ -123,6 +134,7 @@ def _observe_robots(
         _fill_believed(i, layout, sources, observations[i])
         _fill_ground(i, layout, params, sources, observations[i])
         _fill_remembered(i, layout, sources, observations[i])
+        _reveal(i, layout, truths, observations[i])
 
 
 @kernel()
@@ -181,6 +193,21 @@ def _fill_remembered(i: int, layout: Any, sources: Sources, row: np.ndarray) -> 
         fill_place_graph(i, sources, row[layout.place_graph :])
     if layout.matches >= 0:
         fill_matches(i, sources, row[layout.matches :])
+
+
+@kernel()
+def _reveal(i: int, layout: Any, truths: Sources, row: np.ndarray) -> None:
+    """Fill in the observed parts that reveal the truth about robot i."""
+    if layout.true_home < 0 and layout.true_patch < 0:
+        return
+    state = truths.state
+    pose = state.beliefs[i]
+    turn = math.cos(pose[2]), math.sin(pose[2])
+    locate_home(pose, turn, state.homes_in_map[i], state.homes_in_robot[i])
+    if layout.true_home >= 0:
+        fill_home(i, truths, row[layout.true_home :])
+    if layout.true_patch >= 0:
+        fill_map_patch(i, truths, row[layout.true_patch :])
 
 
 @kernel()

@@ -96,6 +96,9 @@ class CommonSettings(TypedDict, total=False):
     """`continuous` (default) or `discrete`: the index of a row of `ActionConfig.choices`."""
     movables: bool
     """Whether doors, boxes and people are simulated in worlds that have them (default: true)."""
+    reveal: bool
+    """Whether the truth is observed, too (default: false): the parts `true_home` and `true_patch`.
+    The revealed twin of an environment has an id of its own, such as `Albot/HomingRevealed-v0`."""
     robot: Any
     """The robot's body and drive: a name (`pioneer-3dx`; `albot_env.sim.ROBOTS`), a `RobotConfig`,
     or a mapping of its fields that differ from the default. Worlds are made and checked for it."""
@@ -206,6 +209,8 @@ class Equipment:
     """The sensors of each robot."""
     movables: bool = True
     """Whether doors, boxes and people are simulated in worlds that have them."""
+    reveal: bool = False
+    """Whether the truth is observed, too."""
     threads: int | None = 1
     """Threads that share the work; None for one per processor. The results do not depend on
     the number."""
@@ -245,6 +250,7 @@ def equip(
     sonar: str,
     scenes: str,
     movables: bool,
+    reveal: bool,
     robot: Any,
     threads: int | None,
     environment: str,
@@ -259,6 +265,8 @@ def equip(
     check_threads(threads)
     if not isinstance(movables, bool | np.bool_):
         raise InputError("movables", "True or False", repr(movables))
+    if not isinstance(reveal, bool | np.bool_):
+        raise InputError("reveal", "True or False", repr(reveal))
     robot_config = choose_robot(robot, environment)
     sensors = choose_sensors(
         laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
@@ -285,6 +293,7 @@ def equip(
         robot=robot_config,
         sensors=sensors,
         movables=movables,
+        reveal=bool(reveal),
         threads=threads,
     )
 

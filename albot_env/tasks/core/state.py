@@ -42,6 +42,31 @@ class BatchState(NamedTuple):
     """(n, sonars) float64: ranges of the sonars (m)."""
     time_left: np.ndarray
     """(n,) float64: remaining time (s); infinite in tasks without a time budget."""
+    starts: np.ndarray
+    """(n, 3) float64: true poses at the start, which is home (world frame)."""
+    true_homes: np.ndarray
+    """(n, 3) float64: true poses of home (robot frame); filled in where the truth is revealed."""
+
+
+@kernel()
+def true_state(state: BatchState) -> BatchState:
+    """Return the state of robots that know the truth: their map is the world."""
+    return BatchState(
+        state.poses,
+        state.poses,
+        state.starts,
+        state.ways_home,
+        state.is_recognised,
+        state.is_lost,
+        state.true_homes,
+        state.motions,
+        state.true_ranges,
+        state.ranges,
+        state.echoes,
+        state.time_left,
+        state.starts,
+        state.true_homes,
+    )
 
 
 class ExplorationProgress(NamedTuple):

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import KernelArguments
 from albot_core.maps.activity import Activity
@@ -78,6 +79,8 @@ class PlaceRecognitionTask(Task):
         journeys: int = 0,
     ) -> None:
         config = chosen_config(config, PlaceRecognitionConfig, self.environment)
+        if equipment.reveal:
+            raise InputError(self.environment, "a task in which the agent drives", "reveal=True")
         self._tours = Tours(self.environment, equipment, config.tour, journeys)
         most = config.tour.most
         self._sensors = sensors = equipment.sensors
@@ -101,6 +104,8 @@ class PlaceRecognitionTask(Task):
                 ranges=np.full((robots, beams), np.inf),
                 echoes=np.full((robots, sonars), np.inf),
                 time_left=np.full(robots, np.inf),
+                starts=np.zeros((robots, 3)),
+                true_homes=np.zeros((robots, 3)),
             ),
         )
         self.journeys = self._tours

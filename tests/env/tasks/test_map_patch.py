@@ -85,6 +85,8 @@ def believed(pose: Any = (0.0, 0.0, 0.0), home: Any = (0.0, 0.0, 0.0)) -> BatchS
         ranges=np.full((1, 181), np.inf),
         echoes=np.full((1, 8), np.inf),
         time_left=np.full(1, np.inf),
+        starts=np.zeros((1, 3)),
+        true_homes=np.zeros((1, 3)),
     )
 
 

@@ -27,6 +27,7 @@ class Need(Enum):
     GROUND = "the ground that the robot believes covered"
     OCCUPANCY = "an occupancy grid"
     MAP = "what the mapper remembers"
+    TRUTH = "the truth, which only twins of a task reveal"
     TIME_BUDGET = "a time that is given to be back in"
 
 
