@@ -81,6 +81,12 @@ def still(environment: str, *shape: int) -> np.ndarray:
     return np.zeros((*shape, 2 + SAYING.get(environment, 1)), np.float32)
 
 
+def saying(environment: str, actions: np.ndarray) -> np.ndarray:
+    """Actions of three numbers, the last of which is repeated for whatever else may be said."""
+    others = np.repeat(actions[..., 2:], SAYING.get(environment, 1) - 1, axis=-1)
+    return np.concatenate((actions, others), axis=-1)
+
+
 def drawn_actions(environment: str, rng: np.random.Generator, *shape: int) -> np.ndarray:
     """Actions by chance that declare and claim nothing."""
     if environment in JUDGED:

@@ -201,6 +201,8 @@ class ClaimJudge:
     def set_state(self, row: int, world: World, arrays: Arrays) -> None:
         """Give a robot in a world what `state` returned."""
         self._reserve(row, world)
+        # Arrays come from tables that may have had room for larger worlds.
+        self.table = with_room(self.table, 0, len(arrays["claims.recognized"]))
         if self._matches:
             readings = len(arrays["claims.points"]) + 1
             self.table = with_room(self.table, readings, 0)

@@ -225,6 +225,8 @@ def with_furniture_moved(world: World, position: Points, rng: np.random.Generato
         if rng.random() < 0.5:
             continue
         others = np.delete(walls, piece, axis=0)
+        if not len(others):  # All that there is: a building of one cell, or a post.
+            continue
         obstacles = shapely.multilinestrings(list(others.reshape(-1, 2, 2)))
         shape = shapely.MultiPoint(walls[piece].reshape(-1, 2)).convex_hull
         if obstacles.distance(shape) < 1e-3:

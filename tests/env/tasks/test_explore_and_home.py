@@ -13,7 +13,7 @@ from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.sim.simulator import CONTROL_STEP
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.parts.scales import make_log_scale, scaled
 from albot_env.tasks.explore_and_home.env import ExploreAndHomeEnv
 from albot_env.tasks.explore_and_home.reward import ExploreAndHomeWeights
@@ -115,7 +115,10 @@ def test_the_robot_knows_the_time_that_is_left(two_rooms: World) -> None:
 def test_observations_are_a_function_of_the_readings_and_the_time(
     two_rooms: World, tmp_path: Path
 ) -> None:
-    config = ExploreAndHomeConfig(shortest=6.0, longest=6.0)
+    seen_parts = ObservationConfig(parts=(*HOMING_PARTS, "frontier", "time_left"))
+    config = ExploreAndHomeConfig(
+        observations=seen_parts, hints=True, claims=False, shortest=6.0, longest=6.0
+    )
     env = ExploreAndHomeEnv(two_rooms, mapper="albot1", observation="dict", config=config)
     env.recorder = EpisodeWriter(tmp_path / "trip.mcap")
     seen = [env.reset(seed=3)[0]]

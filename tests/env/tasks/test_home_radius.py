@@ -18,7 +18,7 @@ AT_HOME = OutwardJourneyConfig(shortest=0.0, longest=0.0, away=0.0)
 CONFIGS = {
     "Albot/Homing-v0": lambda radius: HomingConfig(outing=AT_HOME, radius=radius),
     "Albot/ExploreAndHome-v1": lambda radius: ExploreAndHomeConfig(
-        shortest=60.0, longest=60.0, share=0.0, radius=radius
+        claims=False, shortest=60.0, longest=60.0, share=0.0, radius=radius
     ),
 }
 

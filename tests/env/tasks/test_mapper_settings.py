@@ -9,18 +9,19 @@ from albot_core.errors import InputError
 from albot_core.mappers.mapper import MapperSpec
 from albot_core.mappers.registry import MAPPERS, register_mapper
 from tests.core.mappers import topological
+from tests.env import quick
 
 TOPOLOGICAL = "tests.core.mappers.topological:topological"
 
 
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
-@pytest.mark.parametrize("task", ["Explore", "Homing", "PlaceRecognition", "ExploreAndHome"])
+@pytest.mark.parametrize("task", quick.IDS)
 def test_a_mapper_is_made_with_its_thresholds(make, task) -> None:
     settings = {"mapper": TOPOLOGICAL, "mapper_config": {"width": 1.5}}
-    env = make(f"Albot/{task}-v0", **settings)
+    env = make(task, **settings)
     env.close()
     with pytest.raises(InputError, match=r"mapper topological, config, widht: .*mean width"):
-        make(f"Albot/{task}-v0", mapper=TOPOLOGICAL, mapper_config={"widht": 1.5})
+        make(task, mapper=TOPOLOGICAL, mapper_config={"widht": 1.5})
 
 
 def test_the_thresholds_come_to_the_mapper() -> None:

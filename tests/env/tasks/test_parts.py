@@ -34,7 +34,8 @@ def test_a_part_is_filled_in_wholly_and_can_be_decoded(name: str) -> None:
     part = PARTS[PART_NAMES.index(name)]
     shown = []
     for parts in ((name,), PART_NAMES):
-        config = ExploreAndHomeConfig(observations=replace(CONFIG, parts=parts))
+        observations = replace(CONFIG, parts=parts)
+        config = ExploreAndHomeConfig(observations=observations, hints=True, claims=False)
         env = gymnasium.make("Albot/ExploreAndHome-v1", world=LOOP, config=config)
         env.unwrapped._robot.observations[:] = np.nan  # type: ignore[attr-defined]
         env.reset(seed=1)

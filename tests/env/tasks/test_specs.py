@@ -23,6 +23,7 @@ import albot_maps
 from albot_core.errors import InputError
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.plain_data import to_plain
+from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.settings import UnknownSettingError, chosen_config, config_class
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import WorldSet
@@ -31,6 +32,12 @@ from tests.env.vector.test_contract import assert_same
 
 WORLD = Path(albot_maps.__file__).parent / "catalogue" / "square-loop.yaml"
 FACTORS = (1.25, 0.8, 1.01, 0.99, 2.0)
+INSTEAD_OF_NONE = {
+    "channels": ("walls", "home"),
+    "laser_sectors": 7,
+    "observations": ObservationConfig(parts=("motion", "laser"), laser_range=4.0),
+}
+"""Values of the fields that are None by default, by their names."""
 
 
 def _config(environment: str) -> Any:
@@ -57,8 +64,6 @@ def _other_values(value: Any) -> Iterator[Any]:
             )
     elif isinstance(value, tuple):
         yield ("west", "east", "west")
-    elif value is None:
-        yield 7
 
 
 def _changed(config: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -73,7 +78,7 @@ def _changed(config: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[st
 
 
 def _with_other_value(config: Any, name: str, value: Any) -> Any:
-    for other in _other_values(value):
+    for other in [INSTEAD_OF_NONE[name]] if value is None else _other_values(value):
         try:
             changed = dataclasses.replace(config, **{name: other})
         except InputError:

@@ -42,9 +42,12 @@ def _actions(env: Any, rng: np.random.Generator, steps: int) -> np.ndarray:
     """Actions by chance that lead ahead, and claim or answer now and then."""
     if isinstance(env.action_space, gymnasium.spaces.Discrete):
         return rng.integers(env.action_space.n, size=steps)
-    actions = rng.uniform((0.0, -0.6, -1.0), (1.0, 0.6, 0.6), (steps, 3)).astype(np.float32)
-    if env.spec.id != "Albot/Explore-v0":
-        actions[:, 2] = -1.0  # A declaration would end the episode.
+    names = env._interface.robots.actions.names
+    low, high = np.full(len(names), -1.0), np.full(len(names), 0.6)
+    low[:2], high[:2] = (0.0, -0.6), (1.0, 0.6)
+    actions = rng.uniform(low, high, (steps, len(names))).astype(np.float32)
+    if "declare" in names:
+        actions[:, names.index("declare")] = -1.0  # It would end the episode.
     return actions
 
 

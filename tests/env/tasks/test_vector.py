@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import gymnasium
-import numpy as np
 
-from tests.env.quick import LOOP
+from tests.env.quick import LOOP, still
 
 
 def test_without_a_limit_nothing_is_truncated() -> None:
     envs = gymnasium.make_vec("Albot/ExploreAndHome-v1", num_envs=2, world=LOOP, mapper="none")
     envs.reset(seed=1)
-    _, _, _, truncated, _ = envs.step(np.zeros((2, 3), np.float32))
+    _, _, _, truncated, _ = envs.step(still("Albot/ExploreAndHome-v1", 2))
     envs.close()
     assert not truncated.any()

@@ -189,7 +189,7 @@ def test_actions_that_are_none_are_refused(environment: str, actions: Any, messa
     env = _vector(environment)
     env.reset(seed=1)
     if isinstance(actions, np.ndarray):
-        silent = np.zeros((len(actions), 1))
+        silent = quick.still(environment, len(actions))[:, 2:]
         actions = np.concatenate((actions, silent), axis=1)
     with pytest.raises(InputError, match=message):
         env.step(actions)
@@ -201,7 +201,8 @@ def test_numbers_beyond_the_limits_count_as_in_the_single_form(environment: str)
     single = gymnasium.make(environment, **_settings(environment, {}))
     env.reset(seed=[4, 5, 4])
     single.reset(seed=4)
-    actions = np.array([[1.0000001, -9, -1], [0, 0, 0], [1, -1, -7.5]])
+    some = np.array([[1.0000001, -9, -1], [0, 0, 0], [1, -1, -7.5]])
+    actions = quick.saying(environment, some)
     observations, rewards, *_ = env.step(actions)
     np.testing.assert_array_equal(observations[0], observations[2])
     alone, reward, *_ = single.step(actions[2])
