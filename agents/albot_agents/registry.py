@@ -26,6 +26,7 @@ from albot_agents.scripted.homing import (
 )
 from albot_agents.scripted.patch_homing import PatchHoming
 from albot_agents.scripted.place_judge import PlaceJudge
+from albot_agents.task import untwinned
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError, did_you_mean
@@ -183,7 +184,9 @@ AGENTS = {
 def agent_names(task: str | None = None) -> tuple[str, ...]:
     """Return the names of all agents, or of those for a task; scripted ones first, then trained."""
     names = (*AGENTS, *shipped_agents())
-    return tuple(name for name in names if task is None or task in find_agent(name).tasks)
+    return tuple(
+        name for name in names if task is None or untwinned(task) in find_agent(name).tasks
+    )
 
 
 def find_agent(name: str) -> AgentEntry:
@@ -212,7 +215,7 @@ def check_agent(name: str, task: str) -> None:
         InputError: The agent is unknown, or not for the task.
     """
     tasks = find_agent(name).tasks
-    if task not in tasks:
+    if untwinned(task) not in tasks:
         found = f"{name}, which is for {' and '.join(tasks)}"
         raise InputError("agent", f"one for {task}: {', '.join(agent_names(task))}", found)
 

@@ -23,6 +23,11 @@ def task_names() -> tuple[str, ...]:
     return tuple(sorted(name for name in gymnasium.registry if name.startswith(PREFIX)))
 
 
+def untwinned(task: str) -> str:
+    """Return the task of which one is the revealed twin, or itself if it is no twin."""
+    return task.replace("Revealed-", "-")
+
+
 def check_task(task: str) -> None:
     """Check that a task exists.
 

@@ -282,11 +282,11 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
         InputError: There is no such task or agent, or the agent is not for the task.
     """
     from albot_agents.registry import agent_names, find_agent
-    from albot_agents.task import find_task
+    from albot_agents.task import find_task, untwinned
     from albot_cli.keyboard import KEYBOARD, Keyboard
 
     task = None if task is None else find_task(task)
-    agent = AGENTS[task or next(iter(AGENTS))] if agent is None else agent
+    agent = AGENTS[untwinned(task or next(iter(AGENTS)))] if agent is None else agent
     entry = KEYBOARD if agent == Keyboard.name else find_agent(agent)
     task = task or entry.tasks[0]
     if task not in entry.tasks:
