@@ -289,7 +289,7 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
     agent = AGENTS[untwinned(task or next(iter(AGENTS)))] if agent is None else agent
     entry = KEYBOARD if agent == Keyboard.name else find_agent(agent)
     task = task or entry.tasks[0]
-    if task not in entry.tasks:
+    if untwinned(task) not in entry.tasks:
         names = (*agent_names(task), *([Keyboard.name] if task in KEYBOARD.tasks else []))
         found = f"{agent}, which is for {' and '.join(entry.tasks)}"
         raise InputError("--agent", f"one for {task}: {', '.join(names)}", found)
