@@ -30,6 +30,8 @@ CHANGES = ("none", "door_shut", "door_opened", "carried", "furniture_moved")
 """The kinds of changes."""
 LONGER = 1.2
 """A door changes the way home if it makes the way so many times as long, or the other way round."""
+SPARE = 0.2
+"""A door that is shut leaves so much room beside the robot (m)."""
 FAR = 5.0
 """A robot is carried at least so far, on the shortest way (m)."""
 LARGEST_PIECE = 3.0
@@ -118,6 +120,9 @@ def shut_on_way_home(
     """
     way = np.concatenate((position[np.newaxis], field.path(position)))
     for door in _crossed(world, way):
+        leaf = shapely.LineString(np.reshape(door.segment, (2, 2)))
+        if leaf.distance(shapely.Point(position)) < world.robot_radius + SPARE:
+            continue  # The robot stands in it.
         changed = with_door_shut(world, door)
         if changed is None:
             continue

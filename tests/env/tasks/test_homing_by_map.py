@@ -104,6 +104,13 @@ def test_the_first_door_on_the_way_home_is_shut_and_there_is_a_way_round(ring: W
     assert len(ring.walls) + 1 == len(changed.world.walls)
 
 
+def test_a_door_in_which_the_robot_stands_is_not_shut(ring: World) -> None:
+    for x, is_shut in ((5.3, False), (5.6, True)):
+        position = np.array((x, 2.5))
+        changed = shut_on_way_home(ring, field_of(ring), position, HOME)
+        assert (changed is not None) == is_shut
+
+
 def test_no_door_is_shut_without_which_a_room_cannot_be_reached(ring: World) -> None:
     field, position = field_of(ring), np.array((6.0, 2.5))
     once = shut_on_way_home(ring, field, position, HOME)
