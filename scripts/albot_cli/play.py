@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 AGENTS = {
     "Albot/Explore-v0": "gap-explorer",
     "Albot/Homing-v0": "albot1-homing",
+    "Albot/HomingByMap-v0": "patch-homing",
     "Albot/ExploreAndHome-v1": "round-trip",
     "Albot/PlaceRecognition-v0": "place-judge",
 }

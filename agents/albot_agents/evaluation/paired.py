@@ -17,6 +17,7 @@ from albot_agents.task import config_kind, short_name
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_clusters
 from albot_core.plain_data import differences, to_plain
+from albot_env.tasks.core.observation import ObservationConfig
 
 _SEED = 0
 """Seed of the bootstrap."""
@@ -74,7 +75,8 @@ def _episode_settings(trial: Trial) -> dict[str, Any]:
     config = to_plain(trial.settings.get("config") or config_kind(trial.task)())
     kept = {name: value for name, value in config.items() if name not in _OWN_CONFIG}
     if "observations" in config:
-        coverage = config["observations"]["coverage"]
+        # None stands for parts that the task chooses, with the default coverage.
+        coverage = (config["observations"] or to_plain(ObservationConfig()))["coverage"]
         kept["observations"] = {"coverage": {name: coverage[name] for name in _COVERAGE}}
     return {"world": trial.world, "seed": trial.seed, **to_plain(settings), "config": kept}
 
