@@ -111,9 +111,11 @@ def _documented_infos() -> dict[str, set[str]]:
     for title, rows in TABLE.findall(text):
         cells = (row.split("|")[1] for row in rows.splitlines())
         keys = {key for cell in cells for key in re.findall(r"`(\w+)`", cell)}
-        if "exploring's but of claims" in title:
-            keys |= found["exploring"] - CLAIMS
-        found[title.partition(":")[0]] = keys
+        name, _, others = title.partition(":")
+        for other in found:
+            if f" {other}'s" in others:
+                keys |= found[other] - (CLAIMS if "but of claims" in others else set())
+        found[name] = keys
     return found
 
 
@@ -122,6 +124,7 @@ def _documented_infos() -> dict[str, set[str]]:
     [
         ("Albot/Explore-v0", "exploring"),
         ("Albot/Homing-v0", "homing"),
+        ("Albot/HomingByMap-v0", "homing by the map"),
         ("Albot/ExploreAndHome-v1", "exploring and coming home"),
         ("Albot/PlaceRecognition-v0", "recognising places"),
     ],

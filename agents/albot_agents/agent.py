@@ -104,7 +104,7 @@ class Commands:
             )
             raise InputError(who, expected, str(actions), place="actions")
         self._lacking = np.zeros(2)
-        self._flagged = False
+        self._said = 0
 
     def action(self, command: Command, says: str = "") -> Action | np.int64:
         """Return the action for a command: speed (m/s) and turn rate (rad/s).
@@ -125,7 +125,7 @@ class Commands:
             if place and place < self._numbers:
                 action[place] = 1.0
             return action
-        is_first, self._flagged = bool(place) and not self._flagged, bool(place)
+        is_first, self._said = place not in (0, self._said), place
         saying = len(DRIVING) + place - 2
         if is_first and saying < self._numbers:
             return np.int64(saying)

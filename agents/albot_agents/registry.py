@@ -33,13 +33,10 @@ from albot_core.errors import InputError, did_you_mean
 from albot_core.files import exists
 from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.actions import ActionConfig
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation import BY_MAP_PARTS, DEFAULT_PARTS, ObservationConfig
 
 EXPLORE, HOMING, BY_MAP = "Albot/Explore-v0", "Albot/Homing-v0", "Albot/HomingByMap-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v1", "Albot/PlaceRecognition-v0"
-
-DEFAULT_OBSERVATIONS = ObservationConfig()
-"""The observations of the environments with their default sensors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +49,8 @@ class AgentEntry:
     """Makes the agent for an environment."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it can attempt."""
+    parts: tuple[str, ...] = DEFAULT_PARTS
+    """The parts of observations that a scripted agent expects if it is told of no environment."""
     mapper: str = "albot1"
     """The mapper used in evaluations unless another is requested."""
     sensors: Mapping[str, str] = field(default_factory=dict)
@@ -62,8 +61,10 @@ class AgentEntry:
     @property
     def configs(self) -> EnvironmentConfigs:
         """The environment that the agent expects."""
-        seen = (self.file and self.file.observation_config) or DEFAULT_OBSERVATIONS
-        return EnvironmentConfigs(seen, ActionConfig() if self.file is None else self.file.actions)
+        if self.file is None:
+            return EnvironmentConfigs(ObservationConfig(parts=self.parts), ActionConfig())
+        seen = self.file.observation_config or ObservationConfig()
+        return EnvironmentConfigs(seen, self.file.actions)
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings of an environment in which the agent can act.
@@ -153,6 +154,7 @@ AGENTS = {
     PatchHoming.name: AgentEntry(
         summary="Drives home over what the patch of its map shows, back along its own trail.",
         make=PatchHoming,
+        parts=BY_MAP_PARTS,
         tasks=(BY_MAP,),
     ),
     PlaceJudge.name: AgentEntry(

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action
-from albot_agents.registry import EXPLORE, HOMING, ROUND_TRIP, AgentEntry
+from albot_agents.registry import BY_MAP, EXPLORE, HOMING, ROUND_TRIP, AgentEntry
 from albot_core.errors import InputError
 from albot_env.rendering.viewer import NullViewer, Viewer
 
@@ -45,19 +45,20 @@ class Keyboard:
         held = self._viewer.held()
         speed = ("up" in held) - ("down" in held)
         turn = ("left" in held) - ("right" in held)
-        action = np.full(self._actions.shape, 1.0 if "enter" in held else -1.0, np.float32)
+        action = np.full(self._actions.shape, -1.0, np.float32)
         action[:2] = speed, _TURN * turn
+        # The third number alone: what a fourth would say besides, Enter does not mean.
+        action[2:3] = 1.0 if "enter" in held else -1.0
         return action
 
 
 ENTER_MEANINGS = {
     EXPLORE: "enter: I was here",
     HOMING: "enter: I am home",
+    BY_MAP: "enter: I am home",
     ROUND_TRIP: "enter: I am home",
 }
 """Meaning of Enter in each task in which a person can drive."""
 
-KEYBOARD = AgentEntry(
-    summary="You drive.", make=lambda *_: Keyboard(), tasks=(EXPLORE, HOMING, ROUND_TRIP)
-)
+KEYBOARD = AgentEntry(summary="You drive.", make=lambda *_: Keyboard(), tasks=tuple(ENTER_MEANINGS))
 """The entry of the agent, which can drive only with a viewer."""

@@ -68,11 +68,10 @@ RUN_ONLY = (
     "--agent",
     help="albot0-homing, albot1-homing, association-explorer, association-homing, exploring, "
     "gap-explorer, homing, homing-blind, homing-mapless, map-homing, nearest-frontier, oracle, "
-    "path-integration, place-judge, place-recognition, random, ratslam-homing, round-trip, "
-    "the file of a trained "
-    "agent, or keyboard: you drive.  [default: "
-    "gap-explorer in explore, albot1-homing in homing, round-trip in explore-and-home, "
-    "place-judge in place-recognition]",
+    "patch-homing, path-integration, place-judge, place-recognition, random, ratslam-homing, "
+    "round-trip, the file of a trained agent, or keyboard: you drive.  [default: "
+    "gap-explorer in explore, albot1-homing in homing, patch-homing in homing-by-map, "
+    "round-trip in explore-and-home, place-judge in place-recognition]",
 )
 @robot_option
 @click.option(
@@ -138,7 +137,7 @@ def command(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Watch an agent at TASK (explore, homing, explore-and-home, place-recognition).
+    """Watch an agent at TASK: explore, homing, homing-by-map, explore-and-home, place-recognition.
 
     Or play back the recorded EPISODE, a file. Keys pause, step and change the speed, and seek in
     a recorded episode; a line below the picture names them. The last picture stays until q.

@@ -8,23 +8,41 @@ from gymnasium.spaces import Box, Discrete, MultiBinary, Space
 
 from albot_agents.agent import Commands
 from albot_core.errors import InputError
-from albot_env.tasks.core.actions import DRIVING, ActionConfig
+from albot_env.tasks.core.actions import (
+    DRIVING,
+    ActionConfig,
+    ClaimingActionConfig,
+    DeclaringActionConfig,
+    MissionActionConfig,
+)
 
 CONFIG = ActionConfig(speed=0.5, turn_rate=1.0)
 
 
-def begun(space: Space) -> Commands:
-    commands = Commands(CONFIG)
+def begun(space: Space, config: ActionConfig = CONFIG) -> Commands:
+    commands = Commands(config)
     commands.reset(space, "someone")
     return commands
 
 
-@pytest.mark.parametrize(("length", "flag"), [(2, False), (3, True), (3, False)])
+@pytest.mark.parametrize(
+    ("kind", "says", "said"),
+    [
+        (ActionConfig, "", []),
+        (ActionConfig, "declare", []),
+        (DeclaringActionConfig, "", [-1]),
+        (DeclaringActionConfig, "declare", [1]),
+        (DeclaringActionConfig, "claim", [-1]),
+        (ClaimingActionConfig, "claim", [1]),
+        (MissionActionConfig, "declare", [1, -1]),
+        (MissionActionConfig, "claim", [-1, 1]),
+    ],
+)
 def test_a_continuous_action_is_the_command_in_shares_of_its_limits(
-    length: int, flag: bool
+    kind: type[ActionConfig], says: str, said: list[int]
 ) -> None:
-    action = begun(Box(-1, 1, (length,))).action(np.array((0.25, -3.0)), flag=flag)
-    assert action == pytest.approx([0.5, -1.0, 1.0 if flag else -1.0][:length])
+    commands = begun(Box(-1, 1, (2 + len(said),)), kind(**vars(CONFIG)))
+    assert commands.action(np.array((0.25, -3.0)), says) == pytest.approx([0.5, -1.0, *said])
 
 
 def test_discrete_actions_drive_the_command_on_average() -> None:
@@ -41,9 +59,13 @@ def test_what_no_discrete_action_can_do_is_not_made_up_for_later() -> None:
 
 
 def test_a_discrete_statement_is_made_once_for_it_stops_the_robot() -> None:
-    commands, ahead = begun(Discrete(11)), np.array((0.5, 0.0))
-    choices = [commands.action(ahead, flag=flag) for flag in (True, True, False, True)]
+    ahead = np.array((0.5, 0.0))
+    commands = begun(Discrete(11), DeclaringActionConfig(**vars(CONFIG)))
+    choices = [commands.action(ahead, says) for says in ("declare", "declare", "", "declare")]
     assert choices == [10, 0, 0, 10]
+    commands = begun(Discrete(12), MissionActionConfig(**vars(CONFIG)))
+    choices = [commands.action(ahead, says) for says in ("claim", "claim", "declare", "declare")]
+    assert choices == [11, 0, 10, 0]
 
 
 @pytest.mark.parametrize("space", [Box(-1, 1, (1,)), Discrete(3), MultiBinary(2)])

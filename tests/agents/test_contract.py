@@ -106,6 +106,7 @@ def test_the_agents_are_these() -> None:
         "nearest-frontier",
         "oracle",
         "path-integration",
+        "patch-homing",
         "place-judge",
         "random",
         "ratslam-homing",

@@ -160,10 +160,10 @@ def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("task", "agent", "texts"),
     [
-        ("Homing", "path-integration", ("success", "SPL", "from home", "covered")),
-        ("ExploreAndHome", "round-trip", ("success", "SPL", "from home", "covered")),
-        ("Explore", "random", ("covered", "exploring", "rooms")),
-        ("PlaceRecognition", "random", ("success", "places")),
+        ("Homing-v0", "path-integration", ("success", "SPL", "from home", "covered")),
+        ("ExploreAndHome-v1", "round-trip", ("success", "SPL", "from home", "covered")),
+        ("Explore-v0", "random", ("covered", "exploring", "rooms")),
+        ("PlaceRecognition-v0", "random", ("success", "places")),
     ],
 )
 def test_every_task_has_its_figures_in_words(
@@ -171,7 +171,7 @@ def test_every_task_has_its_figures_in_words(
 ) -> None:
     monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("--worlds", "square-loop", "--seeds", "3..3", "--steps", "15", "--jobs", "1")
-    status, out, err = run("evaluate", f"Albot/{task}-v0", "--agent", agent, *words)
+    status, out, err = run("evaluate", f"Albot/{task}", "--agent", agent, *words)
     assert (status, err) == (0, "")
     for word in texts:
         assert word in out

@@ -257,13 +257,14 @@ def test_arrows_drive_and_enter_speaks(
     import pygame
 
     window, driver = Window("test"), Keyboard()
-    driver.reset(np.random.default_rng(0), Box(-1, 1, (3,)))
+    driver.reset(np.random.default_rng(0), Box(-1, 1, (4,)))
     driver.listen(window)
     for name in held:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=getattr(pygame, name)))
     for _ in range(2):  # For as long as they are held.
         action = driver.act(None, {})
         assert (np.sign(action[0]), np.sign(action[1]), action[2] > 0.5) == (speed, turn, says)
+        assert action[3] == -1  # It declares home, and claims nothing besides.
     for name in held:
         press(getattr(pygame, name))
     # A key that was only touched counts once.

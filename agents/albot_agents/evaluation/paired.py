@@ -75,8 +75,8 @@ def _episode_settings(trial: Trial) -> dict[str, Any]:
     config = to_plain(trial.settings.get("config") or config_kind(trial.task)())
     kept = {name: value for name, value in config.items() if name not in _OWN_CONFIG}
     if "observations" in config:
-        observed = config["observations"] or to_plain(ObservationConfig())  # None: the default.
-        coverage = observed["coverage"]
+        # None stands for parts that the task chooses, with the default coverage.
+        coverage = (config["observations"] or to_plain(ObservationConfig()))["coverage"]
         kept["observations"] = {"coverage": {name: coverage[name] for name in _COVERAGE}}
     return {"world": trial.world, "seed": trial.seed, **to_plain(settings), "config": kept}
 

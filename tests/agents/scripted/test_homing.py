@@ -19,7 +19,7 @@ from albot_core.planning.navigator import GoalSeeker
 from albot_core.planning.percept import Percept
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
-from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.actions import DeclaringActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.beliefs import observe_home
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
@@ -116,7 +116,9 @@ def test_it_comes_home_from_another_room_without_touching_anything() -> None:
 
 
 def test_where_no_way_is_shown_it_makes_straight_for_home() -> None:
-    env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="odometry")
+    outing = OutwardJourneyConfig(shortest=0.0, longest=0.0, away=0.0)
+    config = HomingConfig(outing=outing, observations=ObservationConfig())
+    env = gymnasium.make("Albot/Homing-v0", world="square-loop", mapper="odometry", config=config)
     agent = make_agent("albot1-homing", EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 1)
     assert np.array_equal(choose_action(agent, observation, info), [0, 0, 1])
@@ -130,7 +132,7 @@ def test_albot0_declares_home_near_its_beginning_in_its_own_asr_alone(
     distance: float, has_exit: bool, declares: bool
 ) -> None:
     config = ObservationConfig(parts=("sonar", "motion", "home", "exit", "way"))
-    agent = Albot0Homing(EnvironmentConfigs(config, ActionConfig()))
+    agent = Albot0Homing(EnvironmentConfigs(config, DeclaringActionConfig()))
     agent.reset(np.random.default_rng(0), Box(-1, 1, (3,), np.float32))
     shown = {name: np.zeros(shape, np.float32) for name, shape in config.shapes.items()}
     observe_home(np.array((distance, 0.0, 0.0)), config.scales.home, shown["home"])

@@ -119,8 +119,8 @@ CONFIDENCE = ObservationPart(
     name="confidence",
     numbers="1",
     meaning=(
-        "homing, and exploring and coming home, elsewhere on request: confidence in `home`, from"
-        " 1 to -1, and -1 if the mapper is lost. It is the probability, scaled to [-1, 1], that "
+        "in homing, and with `hints=True`; elsewhere on request: confidence in `home`, from 1 to "
+        "-1, and -1 if the mapper is lost. It is the probability, scaled to [-1, 1], that "
         "home is within 1 m of its believed position (`home_near`) if the standard deviation of "
         "the belief is 5 % of the travel that it rests on (`home_drift`)"
     ),
@@ -196,7 +196,7 @@ EXIT_HOME = ObservationPart(
     name="exit",
     numbers="6",
     meaning=(
-        "in homing, and exploring and coming home; elsewhere on request: direction and distance "
+        "in homing, and with `hints=True`; in exploring on request: direction and distance "
         "of the next exit on the way home over the network of places, the direction in which to "
         "pass it, and 1; without an exit ahead, or near home, 0, 0, -1, 0, 0, -1"
     ),

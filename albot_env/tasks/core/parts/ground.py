@@ -85,8 +85,8 @@ FRONTIER = ObservationPart(
     name="frontier",
     numbers="one per beam",
     meaning=(
-        "on request, and in exploring and coming home: distance of visible uncovered ground in "
-        "the direction of each beam, on the laser's scale; -1 for none"
+        "on request: distance of visible uncovered ground in the direction of each beam, on the "
+        "laser's scale; -1 for none"
     ),
     shape=lambda sizes: (sizes.beams,),
     needs=frozenset((Need.GROUND,)),
