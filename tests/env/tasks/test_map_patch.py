@@ -375,6 +375,7 @@ def test_another_channel_or_part_is_refused_by_name(two_rooms: World) -> None:
         ({"sides": ()}, "MapPatchConfig.sides"),
         ({"sides": (16.0, -1.0)}, "MapPatchConfig.sides"),
         ({"sides": (math.inf,)}, "MapPatchConfig.sides"),
+        ({"sides": (True,)}, "MapPatchConfig.sides"),
         ({"cells": 1}, "MapPatchConfig.cells"),
         ({"channels": ("wals",)}, "did you mean walls"),
         ({"channels": ()}, "each once"),

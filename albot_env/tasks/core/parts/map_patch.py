@@ -58,12 +58,18 @@ class MapPatchConfig:
     def __post_init__(self) -> None:
         check_fields(self, FROM_TWO, "cells")
         check_fields(self, POSITIVE, "trail_spacing", "trail_length")
-        if not self.sides or not all(_is_length(side) for side in self.sides):
+        sides: object = self.sides
+        if not (
+            isinstance(sides, tuple | list) and sides and all(side in POSITIVE for side in sides)
+        ):
             raise InputError("MapPatchConfig.sides", "lengths above 0 (m)", str(self.sides))
         if self.trail_spacing > self.trail_length:
             expected = f"at most trail_length, {self.trail_length:g}"
             raise InputError("MapPatchConfig.trail_spacing", expected, f"{self.trail_spacing:g}")
-        chosen = CHANNELS if self.channels is None else self.channels
+        chosen: object = CHANNELS if self.channels is None else self.channels
+        if not isinstance(chosen, tuple | list):
+            expected = f"some of {', '.join(CHANNELS)}, or None"
+            raise InputError("MapPatchConfig.channels", expected, repr(chosen))
         for name in chosen:
             if name not in CHANNELS:
                 found = f"{name!r}{did_you_mean(str(name), CHANNELS)}"
@@ -103,10 +109,6 @@ def channels_of(spec: MapperSpec | None) -> tuple[str, ...]:
         "places": "place_graph" in layers,
     }
     return tuple(name for name in CHANNELS if has.get(name, True))
-
-
-def _is_length(value: object) -> bool:
-    return isinstance(value, int | float) and 0 < value < math.inf
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
