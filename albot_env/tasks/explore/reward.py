@@ -38,8 +38,8 @@ class ExploreWeights(Weights):
     place_recognized: float = 1.0
     """For the first right claim in a room (see `claims`). It is paid once per room, since otherwise
     driving in and out of one room would be the best policy."""
-    place_mistaken: float = -1.0
-    """For every false claim."""
+    place_mistaken: float = -2.0
+    """For every false claim: twice the pay of a right one, so that always claiming loses."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = -0.01

@@ -56,8 +56,8 @@ class ExploreAndHomeWeights(Weights):
     """For every metre by which the way home gets shorter when time is up (1/m), see above."""
     place_recognized: float = 1.0
     """For the first right claim in a room, if the agent claims (see `claims`)."""
-    place_mistaken: float = -1.0
-    """For every false claim."""
+    place_mistaken: float = -2.0
+    """For every false claim: twice the pay of a right one, so that always claiming loses."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = 0.0

@@ -149,7 +149,7 @@ def test_a_right_claim_is_worth_something_and_a_false_one_costs(
     assert (info["re_entries"], info["right_claims"], info["false_claims"]) == (0, 0, 0)
     for x, claim, counts, worth in (
         (7.0, -1.0, (0, 0, 0), 0.0),  # Silent.
-        (6.5, 1.0, (0, 0, 1), -1.0),  # The east is new.
+        (6.5, 1.0, (0, 0, 1), -2.0),  # The east is new.
         (3.0, -1.0, (1, 0, 1), 0.0),
         (2.0, 1.0, (1, 1, 1), 1.0),  # The west is not.
         (7.0, 1.0, (2, 2, 1), 1.0),
