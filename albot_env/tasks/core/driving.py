@@ -383,6 +383,7 @@ class DrivingTask(Task):
         self._builder.set_state(row, state.arrays)
         for table, arrays in (("stats", self._stats), ("beliefs", self._state)):
             put_rows(table, arrays, row, state.arrays)
+        self._state.starts[row] = state.arrays["stats.starts"]
         self._set_task_state(row, world, state.arrays)
         self.detach_observations()
         self.observations[row] = state.arrays["observation"]

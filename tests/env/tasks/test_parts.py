@@ -36,7 +36,7 @@ def test_a_part_is_filled_in_wholly_and_can_be_decoded(name: str) -> None:
     for parts in ((name,), PART_NAMES):
         observations = replace(CONFIG, parts=parts)
         config = ExploreAndHomeConfig(observations=observations, hints=True, claims=False)
-        env = gymnasium.make("Albot/ExploreAndHome-v1", world=LOOP, config=config)
+        env = gymnasium.make("Albot/ExploreAndHomeRevealed-v1", world=LOOP, config=config)
         env.unwrapped._robot.observations[:] = np.nan  # type: ignore[attr-defined]
         env.reset(seed=1)
         for _ in range(12):

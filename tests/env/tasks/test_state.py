@@ -109,8 +109,10 @@ def test_they_are_so_with_every_part_of_observations() -> None:
     """Occupancy grids and the ways over them among these."""
     parts = tuple(part for part in PART_NAMES if part != "time_left")
     config = ExploreConfig(observations=ObservationConfig(parts=parts))
-    _check_branches("Albot/Explore-v0", 5, mapper="albot1", config=config)
-    _check_branches("Albot/Explore-v0", 6, mapper="albot1", config=config, action="discrete")
+    _check_branches("Albot/ExploreRevealed-v0", 5, mapper="albot1", config=config)
+    _check_branches(
+        "Albot/ExploreRevealed-v0", 6, mapper="albot1", config=config, action="discrete"
+    )
 
 
 def test_a_state_is_not_changed_when_episodes_go_on() -> None:
