@@ -119,6 +119,10 @@ class ActionConfig:
         shares = command / (self.speed, self.turn_rate)
         return np.asarray(np.clip(shares, -1, 1), np.float32)
 
+    def flagged(self, numbers: Numbers, name: str) -> Bool[np.ndarray, "robots"]:
+        """Return which actions say what a number of this name stands for; none without one."""
+        return np.zeros(len(numbers), np.bool_)
+
     @property
     def _expected(self) -> str:
         return f"{len(self.names)} finite numbers ({', '.join(self.names)})"
@@ -163,7 +167,9 @@ class FlaggingActionConfig(ActionConfig):
         check_fields(self, FINITE, "threshold")
 
     def flagged(self, numbers: Numbers, name: str) -> Bool[np.ndarray, "robots"]:
-        """Return which actions say what the number of this name stands for."""
+        """Return which actions say what a number of this name stands for; none without one."""
+        if name not in self.names:
+            return super().flagged(numbers, name)
         return np.asarray(numbers[:, self.names.index(name)] > self.threshold)
 
 

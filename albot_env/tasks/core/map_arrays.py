@@ -70,8 +70,8 @@ class MapArrays(NamedTuple):
     free: CoverageGrid
     """Ground that is free in the mapper's occupancy grid; without cells if it has none."""
     trail: RaggedRows
-    """Columns x, y (float64): the mapper's trajectory, from the oldest point to the newest, at
-    most one every `TrailConfig.spacing` metres; without rows if the mapper has none."""
+    """Columns x, y (float64): the mapper's trajectory, or else where the robot believed to be, from
+    the oldest point to the newest, `TrailConfig.spacing` metres apart."""
     exits: RaggedRows
     """Columns x1, y1, x2, y2 (float64): the lines across the doorways between places."""
     places: RaggedRows

@@ -76,10 +76,7 @@ class ExploreTask(DrivingTask):
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots with these actions, some of which may be claims."""
-        claims = self._never
-        if isinstance(self.actions, ClaimingActionConfig):
-            claims = self.actions.flagged(numbers, "claim")
-        self._judge.hear(claims, self._stats.steps)
+        self._judge.hear(self.actions.flagged(numbers, "claim"), self._stats.steps)
         super().act(numbers)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:

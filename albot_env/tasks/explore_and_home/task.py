@@ -14,8 +14,8 @@ from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import (
+    ActionConfig,
     DeclaringActionConfig,
-    FlaggingActionConfig,
     MissionActionConfig,
     Numbers,
 )
@@ -105,11 +105,10 @@ class ExploreAndHomeTask(DrivingTask):
     ) -> None:
         config = chosen_config(config, ExploreAndHomeConfig, self.environment)
         seen = chosen_observations(config, equipment.spec, "time_left")
-        actions: FlaggingActionConfig = config.actions
+        actions: ActionConfig = config.actions
         if config.claims:
             actions = MissionActionConfig(**vars(config.actions))
         super().__init__(robots, equipment, actions=actions, observations=seen)
-        self._flags = actions
         self._config = config
         self._distance_fields = DistanceFieldCache()
         self._arguments = ArgumentsCache(self._reward_arguments)
@@ -141,9 +140,8 @@ class ExploreAndHomeTask(DrivingTask):
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots; some actions may declare home, or claim."""
-        self._trips.declares[:] = self._flags.flagged(numbers, "declare")
-        claims = self._flags.flagged(numbers, "claim") if self._config.claims else self._never
-        self._judge.hear(claims, self._stats.steps)
+        self._trips.declares[:] = self.actions.flagged(numbers, "declare")
+        self._judge.hear(self.actions.flagged(numbers, "claim"), self._stats.steps)
         super().act(numbers)
 
     def _observe(self, rows: Int64[np.ndarray, "some"], thread: int) -> None:
@@ -179,16 +177,12 @@ class ExploreAndHomeTask(DrivingTask):
         return self._trips.ended
 
     @property
-    def _claim_facts(self) -> dict[str, np.ndarray]:
-        return self._judge.facts if self._config.claims else {}
-
-    @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
         trips = self._trips
         return (
             super().facts
-            | self._claim_facts
+            | (self._judge.facts if self._config.claims else {})
             | {
                 "is_success": trips.success,
                 "declared": trips.declared,

@@ -14,8 +14,8 @@ from albot_core.ranges import POSITIVE, check_fields
 from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import (
+    ActionConfig,
     DeclaringActionConfig,
-    FlaggingActionConfig,
     MissionActionConfig,
     Numbers,
 )
@@ -94,11 +94,10 @@ class HomingTask(DrivingTask):
         journeys: int = 0,
     ) -> None:
         config = chosen_config(config, HomingConfig, self.environment)
-        actions: FlaggingActionConfig = config.actions
+        actions: ActionConfig = config.actions
         if config.claims:
             actions = MissionActionConfig(**vars(config.actions))
         super().__init__(robots, equipment, actions=actions, observations=config.observations)
-        self._flags = actions
         self._config = config
         self._arguments = ArgumentsCache(self._reward_arguments)
         self._judge = ClaimJudge(robots, self._mappers)
@@ -150,9 +149,8 @@ class HomingTask(DrivingTask):
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots; some actions may declare home, or claim."""
-        self._homing.declares[:] = self._flags.flagged(numbers, "declare")
-        claims = self._flags.flagged(numbers, "claim") if self._config.claims else self._never
-        self._judge.hear(claims, self._stats.steps)
+        self._homing.declares[:] = self.actions.flagged(numbers, "declare")
+        self._judge.hear(self.actions.flagged(numbers, "claim"), self._stats.steps)
         super().act(numbers)
 
     def close(self) -> None:
@@ -186,16 +184,12 @@ class HomingTask(DrivingTask):
         return self._homing.declared
 
     @property
-    def _claim_facts(self) -> dict[str, np.ndarray]:
-        return self._judge.facts if self._config.claims else {}
-
-    @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
         homing = self._homing
         return (
             super().facts
-            | self._claim_facts
+            | (self._judge.facts if self._config.claims else {})
             | {
                 "is_success": homing.success,
                 "declared": homing.declared,

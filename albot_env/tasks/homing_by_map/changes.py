@@ -2,8 +2,9 @@
 
 A door may have been shut, so that the way home is a detour; or opened, so that there is a shorter
 one (Tolman, Cognitive maps in rats and men, Psychological Review 1948). The robot may have been
-carried to another room, or furniture may have been moved. Doors are the exits that a world lists.
-A changed world is valid like any other: each room can be reached.
+carried to another room, or furniture may have been moved. Doors are the exits that a world lists,
+and doorways that are cut into its walls (`doorways`). A changed world is valid like any other: each
+room can be reached.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from jaxtyping import Int64
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Segments
@@ -198,14 +201,9 @@ def furniture_of(world: World) -> list[Int64[np.ndarray, "walls"]]:
     ends = np.round(world.walls.reshape(-1, 2), 6)
     _, corner = np.unique(ends, axis=0, return_inverse=True)
     corners = corner.reshape(-1, 2)
-    group = np.arange(corners.max() + 1)
-    changed = True
-    while changed:
-        low = np.minimum(group[corners[:, 0]], group[corners[:, 1]])
-        before = group.copy()
-        np.minimum.at(group, corners[:, 0], low)
-        np.minimum.at(group, corners[:, 1], low)
-        changed = bool((group != before).any())
+    size = int(corners.max()) + 1
+    joined = csr_array((np.ones(len(corners)), corners.T), shape=(size, size))
+    _, group = connected_components(joined, directed=False)
     pieces = []
     degree = np.bincount(corners.ravel())
     for number in np.unique(group):

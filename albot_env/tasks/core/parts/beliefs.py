@@ -24,6 +24,11 @@ def towards(numbers: Numbers, scales: Scales) -> Points:
     return np.asarray(distance * np.asarray(numbers[:2], np.float64))
 
 
+def all_towards(rows: Float[np.ndarray, "n 3"], scales: Scales) -> Points:
+    """Return the points (n, 2) in some directions, at some distances (m, robot's frame)."""
+    return np.reshape([towards(row, scales) for row in rows], (-1, 2)).astype(np.float64)
+
+
 def point_ahead(numbers: Numbers, scales: Scales) -> Points | None:
     """Return the point ahead on a way (m, robot's frame); None if there is no way."""
     return towards(numbers, scales) if numbers[3] > 0 else None
@@ -41,6 +46,17 @@ def locate_home(
     east, north = where[0] - belief[0], where[1] - belief[1]
     home[0], home[1] = rotate_back(cos, sin, east, north)
     home[2] = wrap_angle(where[2] - belief[2])
+
+
+@kernel()
+def observe_point(ahead: float, left: float, scale: LogScale, row: np.ndarray) -> None:
+    """Fill `row` (3,) with direction (cosine, sine) and distance of a point (m, robot's frame)."""
+    distance = length_of(ahead, left)
+    row[0], row[1] = 1.0, 0.0
+    if distance > 0.0:
+        row[0] = min(max(ahead / distance, -1.0), 1.0)
+        row[1] = min(max(left / distance, -1.0), 1.0)
+    row[2] = scaled(distance, scale)
 
 
 @kernel()
@@ -97,12 +113,7 @@ def fill_home(i: int, sources: Sources, row: np.ndarray) -> None:
 @kernel()
 def observe_home(home: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
     """Fill `row` (3,) with the part home: direction and distance of home (robot frame)."""
-    distance = length_of(home[0], home[1])
-    row[0], row[1] = 1.0, 0.0
-    if distance > 0.0:
-        row[0] = min(max(home[0] / distance, -1.0), 1.0)
-        row[1] = min(max(home[1] / distance, -1.0), 1.0)
-    row[2] = scaled(distance, scale)
+    observe_point(home[0], home[1], scale, row)
 
 
 # Confidence

@@ -11,16 +11,15 @@ from jaxtyping import Float, Float64
 from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.geometry.types import Points
 from albot_core.kernels.compiled import kernel
+from albot_env.sim.simulator import CONTROL_STEP
+from albot_env.tasks.core.parts.beliefs import all_towards, observe_point
 from albot_env.tasks.core.parts.part import Need, ObservationPart, Sources
-from albot_env.tasks.core.parts.place_graph import observed_points, show_point
 from albot_env.tasks.core.parts.scales import Scales, make_log_scale, scaled, unscaled
 
 COLUMNS = 8
 """Number of numbers per match."""
 AGES = make_log_scale(30.0, 3600.0)
 """The scale of ages (s)."""
-STEP = 0.1
-"""Time from one reading to the next (s)."""
 
 
 class ObservedMatches(NamedTuple):
@@ -46,7 +45,7 @@ def _decode_matches(numbers: Float[np.ndarray, "matches 8"], scales: Scales) -> 
         scores=shares[:, 0],
         probabilities=shares[:, 1],
         ambiguities=shares[:, 2],
-        points=observed_points(rows[:, 4:7], scales.home),
+        points=all_towards(rows[:, 4:7], scales),
         ages=np.array([unscaled(float(number), AGES) for number in rows[:, 7]]),
     )
 
@@ -84,6 +83,6 @@ def fill_matches(i: int, sources: Sources, row: np.ndarray) -> None:
         for j in range(3):
             shown[1 + j] = np.float32(2.0 * match[j] - 1.0)
         ahead, left = rotate_back(cos, sin, match[3] - belief[0], match[4] - belief[1])
-        show_point(ahead, left, sources.scales.home, shown[4:7])
+        observe_point(ahead, left, sources.scales.home, shown[4:7])
         age = sources.maps.readings[i] - match[5]
-        shown[7] = scaled(max(age, 0.0) * STEP, AGES)
+        shown[7] = scaled(max(age, 0.0) * CONTROL_STEP, AGES)

@@ -11,16 +11,16 @@ from jaxtyping import Bool, Float, Float64, Int64
 from albot_core.geometry.pose_kernels import length_of, rotate_back
 from albot_core.geometry.types import Points, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.ranges import FROM_TWO, Range, check_fields
+from albot_core.ranges import COUNT, FROM_TWO, check_fields
 from albot_env.tasks.core.map_arrays import MapArrays
+from albot_env.tasks.core.parts.beliefs import all_towards, observe_point
 from albot_env.tasks.core.parts.part import GraphScratch, Need, ObservationPart, Sources
-from albot_env.tasks.core.parts.scales import LogScale, Scales, make_log_scale, scaled, unscaled
+from albot_env.tasks.core.parts.scales import Scales, make_log_scale, scaled, unscaled
 
 COLUMNS = 9
 """Number of numbers per place and per connection."""
 VISITS = make_log_scale(1.0, 31.0)
 """The scale of visits."""
-_COUNT = Range("a whole number from 0", 0.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class PlaceGraphConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, FROM_TWO, "places")
-        check_fields(self, _COUNT, "connections")
+        check_fields(self, COUNT, "connections")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,21 +62,15 @@ def _decode_place_graph(numbers: Float[np.ndarray, "rows 9"], scales: Scales) ->
     last = max(scales.graph.places - 1, 1)
     ends = np.rint((np.asarray(connections[:, 1:3], np.float64) + 1) * last / 2)
     turns = np.arctan2(connections[:, 7], connections[:, 6])
-    steps = observed_points(connections[:, 3:6], scales.home)
+    steps = all_towards(connections[:, 3:6], scales)
     return ObservedGraph(
-        points=observed_points(places[:, 1:4], scales.home),
+        points=all_towards(places[:, 1:4], scales),
         visits=np.array([round(unscaled(float(n), VISITS), 3) for n in places[:, 4]]),
         is_current=places[:, 5] > 0,
         is_home=places[:, 6] > 0,
         ends=ends.astype(np.int64),
         motions=np.concatenate((steps, turns[:, None]), axis=1),
     )
-
-
-def observed_points(numbers: Float[np.ndarray, "n 3"], scale: LogScale) -> Points:
-    """Return points (m) of which directions (cosine, sine) and distances are shown."""
-    away = np.array([unscaled(float(number), scale) for number in numbers[:, 2]])
-    return np.asarray(away[:, None] * np.asarray(numbers[:, :2], np.float64))
 
 
 PLACE_GRAPH = ObservationPart(
@@ -111,7 +105,7 @@ def fill_place_graph(i: int, sources: Sources, row: np.ndarray) -> None:
         begin = k * COLUMNS
         ahead, left = rotate_back(cos, sin, place[0] - belief[0], place[1] - belief[1])
         row[begin] = np.float32(1.0)
-        show_point(ahead, left, scales.home, row[begin + 1 : begin + 4])
+        observe_point(ahead, left, scales.home, row[begin + 1 : begin + 4])
         row[begin + 4] = scaled(place[2], VISITS)
         row[begin + 5] = np.float32(1.0 if scratch.shown[k] == maps.current[i] else -1.0)
         row[begin + 6] = np.float32(1.0 if scratch.shown[k] == maps.home[i] else -1.0)
@@ -125,21 +119,10 @@ def fill_place_graph(i: int, sources: Sources, row: np.ndarray) -> None:
         row[begin] = np.float32(1.0)
         row[begin + 1] = np.float32(2.0 * source / last - 1.0)
         row[begin + 2] = np.float32(2.0 * target / last - 1.0)
-        show_point(motion[0], motion[1], scales.home, row[begin + 3 : begin + 6])
+        observe_point(motion[0], motion[1], scales.home, row[begin + 3 : begin + 6])
         row[begin + 6] = np.float32(math.cos(motion[2]))
         row[begin + 7] = np.float32(math.sin(motion[2]))
         shown += 1
-
-
-@kernel()
-def show_point(ahead: float, left: float, scale: LogScale, row: np.ndarray) -> None:
-    """Write direction (cosine, sine) and distance of a point; 1, 0, -1 at no distance."""
-    away = length_of(ahead, left)
-    row[0], row[1] = np.float32(1.0), np.float32(0.0)
-    if away > 0.0:
-        row[0] = np.float32(min(max(ahead / away, -1.0), 1.0))
-        row[1] = np.float32(min(max(left / away, -1.0), 1.0))
-    row[2] = scaled(away, scale)
 
 
 @kernel()
