@@ -14,11 +14,12 @@ from scipy.sparse.csgraph import dijkstra
 
 from albot_agents.agent import Action, EnvironmentConfigs
 from albot_agents.scripted.homing import MapHoming
+from albot_core.errors import InputError
 from albot_core.geometry.poses import inverse, relative, transform_points
 from albot_core.geometry.types import Points, Pose
 from albot_core.planning.navigator import KnownWay
 from albot_env.tasks.core.parts.beliefs import HOME
-from albot_env.tasks.core.parts.map_patch import MAP_PATCH, MapPatch
+from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH, MapPatch
 
 
 class PatchHoming(MapHoming):
@@ -32,7 +33,7 @@ class PatchHoming(MapHoming):
         configs: The environment's configurations of observations and actions.
 
     Raises:
-        InputError: Observations lack the part `map_patch`.
+        InputError: Observations lack the part `map_patch`, or its channel `trail`.
     """
 
     name: ClassVar[str] = "patch-homing"
@@ -46,9 +47,10 @@ class PatchHoming(MapHoming):
     """Distance of the point on the way to which it drives (m)."""
     PLAN_EVERY = 5
     """Number of steps between two searches."""
-    HELD_UP = 60
-    """Number of steps without having moved `MOVED` after which what is ahead is avoided."""
     MOVED = 0.5
+    """The robot is held up until it has moved so far (m)."""
+    HELD_UP = 60
+    """Number of steps of being held up after which what is ahead is avoided."""
     AVOIDED = 1.0
     """Radius of what is avoided (m)."""
     AVOIDING = 900
@@ -57,6 +59,10 @@ class PatchHoming(MapHoming):
     def __init__(self, configs: EnvironmentConfigs) -> None:
         super().__init__(configs)
         configs.observations.require((MAP_PATCH.name,), self.name)
+        channels = configs.observations.map_patch.channels or CHANNELS
+        if "trail" not in channels:
+            expected = "a map_patch with the channel trail"
+            raise InputError(self.name, expected, ", ".join(channels))
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""

@@ -13,7 +13,8 @@ from albot_agents.registry import make_agent
 from albot_agents.scripted.patch_homing import PatchHoming, shortest_path
 from albot_core.errors import InputError
 from albot_env.tasks.core.actions import ActionConfig
-from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation import DEFAULT_PARTS, ObservationConfig
+from albot_env.tasks.core.parts.map_patch import MapPatchConfig
 from albot_env.tasks.homing_by_map.changes import ChangesConfig
 from albot_env.tasks.homing_by_map.task import HomingByMapConfig
 
@@ -52,6 +53,11 @@ def test_it_comes_home_without_hints(mapper: str) -> None:
     assert info["spl"] > 0.6
 
 
-def test_it_needs_the_patch() -> None:
+def test_it_needs_the_patch_and_its_trail() -> None:
     with pytest.raises(InputError, match=r"patch-homing: expected .*map_patch"):
         PatchHoming(EnvironmentConfigs(ObservationConfig(), ActionConfig()))
+    shown = ObservationConfig(
+        parts=(*DEFAULT_PARTS, "map_patch"), map_patch=MapPatchConfig(channels=("walls", "home"))
+    )
+    with pytest.raises(InputError, match=r"with the channel trail, found walls, home"):
+        PatchHoming(EnvironmentConfigs(shown, ActionConfig()))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, relative, transform_points, transform_segments
-from albot_core.mappers.registry import installed_mappers, make_mappers, mapper_names, mapper_spec
-from albot_core.mappers.result_checks import is_from_outside
+from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.mappers.registry import mapper_spec
 from albot_core.maps.layers import (
     MapSnapshot,
     OccupancyGridLayer,
@@ -26,12 +24,9 @@ from albot_core.maps.layers import (
     SegmentsLayer,
     TrajectoryLayer,
 )
-from albot_core.sensing.reading import LaserGeometry, Readings
-from albot_env.recording.reader import EpisodeReader
-from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks.core.coverage import CoverageConfig
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.map_arrays import MapReader, TrailConfig, thinned, thinned_trail
-from albot_env.tasks.core.observation import DEFAULT_PARTS, ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_builder import ObservationBuilder
 from albot_env.tasks.core.parts.map_patch import (
     CHANNELS,
@@ -42,14 +37,9 @@ from albot_env.tasks.core.parts.map_patch import (
 )
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, PlaceGraphConfig
 from albot_env.tasks.core.state import BatchState
-from albot_env.tasks.explore.env import ExploreEnv, ExploreVectorEnv
+from albot_env.tasks.explore.env import ExploreEnv
 from albot_env.tasks.explore.task import ExploreConfig
-from albot_env.tasks.homing.env import HomingEnv, HomingVectorEnv
-from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
-from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World
-from tests.env.conftest import drive
-from tests.env.quick import LOOP
 
 CONFIG = ObservationConfig(
     parts=("map_patch", "place_graph"),
@@ -311,47 +301,6 @@ def test_moving_map_and_robot_together_changes_no_patch(
     assert (np.abs(rows[0] - rows[1]) > 1e-3).mean() < 0.01
 
 
-MAPPERS = ("none", *(name for name in mapper_names() if not is_from_outside(mapper_spec(name))))
-STROLL = ObservationConfig(parts=(*DEFAULT_PARTS, "map_patch"), map_patch=CONFIG.map_patch)
-
-
-def config_for(mapper: str) -> ExploreConfig:
-    """All that can be observed of a mapper's map."""
-    spec = None if mapper == "none" else mapper_spec(mapper)
-    has_graph = spec is not None and "place_graph" in spec.layers
-    has_matches = spec is not None and spec.has_matches
-    parts = STROLL.parts + ("place_graph",) * has_graph + ("matches",) * has_matches
-    return ExploreConfig(observations=replace(STROLL, parts=parts))
-
-
-@pytest.mark.parametrize("mapper", MAPPERS)
-def test_every_mapper_gives_its_channels_alone_as_in_a_batch(two_rooms: World, mapper) -> None:
-    if mapper not in ("none", *installed_mappers()):
-        pytest.skip(f"{mapper} needs an extra that is not installed")
-    settings = {"mapper": mapper, "config": config_for(mapper), "observation": "dict"}
-    scenes = {"scenes": "paper"} if mapper == "ratslam-scenes" else {}
-    env = ExploreEnv(two_rooms, **settings, **scenes)
-    batch = ExploreVectorEnv(2, two_rooms, threads=2, **settings, **scenes)
-    seen = drive(env, 40)
-    rows, _ = batch.reset(seed=[5, 6], options={"start": 0})
-    rng = np.random.default_rng(5)
-    for step in range(41):
-        for name, part in seen[step][0].items():
-            np.testing.assert_array_equal(rows[name][0], part, err_msg=name)
-        action = np.array((*rng.uniform((0, -0.6), (1, 0.6)), -1.0), np.float32)
-        rows, *_ = batch.step(np.stack((action, action)))
-    decoded = env.observation_config.decode(MAP_PATCH, seen[-1][0])
-    spec = None if mapper == "none" else mapper_spec(mapper)
-    assert tuple(decoded.channels) == channels_of(spec)
-    for name, squares in decoded.channels.items():
-        if name == "home":
-            assert (squares == 1).sum(axis=(1, 2)).tolist() == [1, 1]
-        if name in ("walls", "free", "trail"):
-            assert (squares > -1).any(axis=(1, 2)).all(), name
-    assert decoded.channels["trail"][:, 7:9, 7:9].max() > 0.99
-    batch.close()
-
-
 def test_another_channel_or_part_is_refused_by_name(two_rooms: World) -> None:
     for mapper, channel in (("none", "walls"), ("odometry", "exits"), ("gmapping", "places")):
         config = ObservationConfig(
@@ -394,83 +343,3 @@ def test_channels_are_shown_in_their_order(two_rooms: World) -> None:
     chosen = MapPatchConfig(channels=("home", "walls"))
     assert chosen.chosen(mapper_spec("albot1")) == ("walls", "home")
     assert MapPatchConfig().chosen(mapper_spec("albot1")) == CHANNELS
-
-
-@pytest.mark.parametrize("mapper", ["albot1", "graph-slam", "none"])
-def test_the_map_is_a_function_of_the_readings_alone(
-    two_rooms: World, tmp_path: Path, mapper: str
-) -> None:
-    """Recorded readings, told to a fresh mapper in another world, give the same numbers."""
-    config = config_for(mapper)
-    env = ExploreEnv(two_rooms, mapper=mapper, config=config)
-    env.recorder = EpisodeWriter(tmp_path / "a.mcap")
-    seen = drive(env, 60)
-    env.close()
-    fitted = env.observation_config
-    mappers = None if mapper == "none" else make_mappers(mapper, 1)
-    builder = ObservationBuilder(1, fitted, LaserGeometry(), 0.25, mappers)
-    elsewhere = replace(two_rooms, walls=two_rooms.walls + 3.0, rooms=())
-    builder.begin(0, elsewhere)
-    if mappers is not None:
-        mappers.reset(0, np.random.default_rng(0))
-    state, row = believed(), np.zeros((1, fitted.flat_space.shape[0]), np.float32)
-    rows = np.zeros(1, np.int64)
-    for moment, (observation, _) in zip(
-        EpisodeReader(tmp_path / "a.mcap").moments(), seen, strict=True
-    ):
-        reading = moment.reading
-        assert reading.laser is not None
-        state.motions[0], state.ranges[0] = reading.motion, reading.laser.ranges
-        if mappers is None:
-            state.beliefs[0] = compose(state.beliefs[0], reading.motion)
-        else:
-            stamps, laser = np.array([reading.stamp]), reading.laser.geometry
-            readings = Readings(
-                stamps=stamps, motions=state.motions, laser=laser, ranges=state.ranges
-            )
-            mappers.update(rows, readings)
-            state.beliefs[0], state.homes_in_map[0] = mappers.poses[0], mappers.homes_in_map[0]
-        builder.observe(rows, state, row)
-        for part in ("map_patch", "place_graph", "matches"):
-            if part in fitted.shapes:
-                found, wanted = fitted.split(row[0])[part], fitted.split(observation)[part]
-                np.testing.assert_array_equal(found, wanted, err_msg=part)
-    assert relative(state.homes_in_map[0], state.beliefs[0])[:2].any()
-
-
-def test_a_branched_episode_observes_the_same_map(two_rooms: World) -> None:
-    env = ExploreEnv(two_rooms, mapper="albot1", config=config_for("albot1"))
-    drive(env, 50)
-    state = env.get_state()
-    action = np.array((0.6, 0.3, -1.0), np.float32)
-    onward = [env.step(action)[0] for _ in range(20)]
-    other = ExploreEnv(two_rooms, mapper="albot1", config=config_for("albot1"))
-    other.reset(seed=1)
-    other.set_state(state)
-    for wanted in onward:
-        np.testing.assert_array_equal(other.step(action)[0], wanted)
-
-
-@pytest.mark.parametrize("mapper", ["albot1", "none", "gmapping"])
-def test_the_trail_of_the_outward_journey_is_seen_from_the_first_step_on(mapper: str) -> None:
-    """Alone as in a batch, also where the journey was made by robots without a map to observe."""
-    outing = OutwardJourneyConfig(shortest=6.0, longest=6.0, away=0.0)
-    blind = HomingConfig(outing=outing)
-    shown = replace(
-        blind, observations=replace(config_for(mapper).observations, coverage=CoverageConfig())
-    )
-    settings = {"mapper": mapper, "world": LOOP, "journeys": 1}
-    HomingEnv(config=blind, **settings).reset(seed=1)
-    env = HomingEnv(config=shown, **settings)
-    batch = HomingVectorEnv(2, config=shown, **settings)
-    seen, _ = env.reset(seed=1)
-    rows, _ = batch.reset(seed=[1, 2])
-    np.testing.assert_array_equal(rows[0], seen)
-    trail = env.observation_config.decode(MAP_PATCH, seen).channels["trail"]
-    assert (trail[1] > -1).sum() > 2
-    for _ in range(5):
-        action = np.array((0.3, 0.4, -1.0), np.float32)
-        seen, *_ = env.step(action)
-        rows, *_ = batch.step(np.stack((action, action)))
-        np.testing.assert_array_equal(rows[0], seen)
-    batch.close()

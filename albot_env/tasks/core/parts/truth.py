@@ -6,7 +6,14 @@ import numpy as np
 
 from albot_core.geometry.types import Segments
 from albot_core.mappers.mapper import MapperSpec
-from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
+from albot_core.maps.layers import (
+    EMPTY_MAP,
+    MapSnapshot,
+    PlaceEdge,
+    PlaceGraph,
+    PlaceNode,
+    SegmentsLayer,
+)
 from albot_env.tasks.core.parts.beliefs import HOME
 from albot_env.tasks.core.parts.map_patch import MAP_PATCH
 from albot_env.tasks.core.parts.part import Need, ObservationPart
@@ -57,27 +64,20 @@ class TrueMaps:
     def __init__(self, robots: int) -> None:
         self.map_versions = np.zeros(robots, np.int64)
         self._worlds: list[World | None] = [None] * robots
-        self._snapshots: dict[int, tuple[World, MapSnapshot]] = {}
+        self._snapshots: list[MapSnapshot] = [EMPTY_MAP] * robots
 
     def begin(self, row: int, world: World) -> None:
-        """Put a robot into a world."""
+        """Put a robot into a world. Robots in the same world share its map."""
         if self._worlds[row] is not world:
-            self._worlds[row] = world
+            others = (k for k, other in enumerate(self._worlds) if other is world)
+            shared = next(others, None)
+            made = _snapshot_of(world) if shared is None else self._snapshots[shared]
+            self._worlds[row], self._snapshots[row] = world, made
             self.map_versions[row] += 1
 
     def snapshot(self, row: int) -> MapSnapshot:
         """Return the map of a robot's world."""
-        world = self._worlds[row]
-        assert world is not None, "a robot is nowhere before it begins"
-        kept = self._snapshots.get(id(world))
-        if kept is None or kept[0] is not world:
-            self._snapshots = {
-                key: value
-                for key, value in self._snapshots.items()
-                if any(value[0] is each for each in self._worlds)
-            }
-            kept = self._snapshots[id(world)] = world, _snapshot_of(world)
-        return kept[1]
+        return self._snapshots[row]
 
 
 def _snapshot_of(world: World) -> MapSnapshot:
