@@ -11,13 +11,15 @@ from jaxtyping import Int64
 from pymunk.batch import BodyFields, Buffer, get_space_bodies
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.robot import RobotConfig
+from albot_core.robot import CONTROL_STEP, RobotConfig
 from albot_env.sim.chipmunk import SpaceTables, address
 from albot_env.sim.drive import GRAVITY
 from albot_maps.movables import Movables
 from albot_maps.world import World
 
-PHYSICS_STEP = 0.05
+SUBSTEPS = 2
+"""Number of physics steps in a control step."""
+PHYSICS_STEP = CONTROL_STEP / SUBSTEPS
 """Duration of one physics step (s). In it a robot moves 8 cm at most, far less than its
 radius, so it cannot jump through a wall."""
 SHORT_STEPS = 5

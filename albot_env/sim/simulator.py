@@ -16,14 +16,10 @@ from albot_core.robot import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
 from albot_core.sensing.reading import Reading
 from albot_env.sim.batch_simulator import BatchSimulator, draw_key
 from albot_env.sim.drive import chord
-from albot_env.sim.physics import PHYSICS_STEP
+from albot_env.sim.physics import PHYSICS_STEP, SUBSTEPS
 from albot_env.sim.sensors import Sensors
 from albot_maps.world import World
 
-SUBSTEPS = 2
-"""Physics steps in a control step of 0.1 s."""
-CONTROL_STEP = SUBSTEPS * PHYSICS_STEP
-"""Duration of a control step (s)."""
 LONGEST_MANOEUVRE = 1000.0
 """Largest distance (m) of a start-stop move and largest angle (rad) of a start-stop turn."""
 

@@ -24,6 +24,8 @@ class Wheels(NamedTuple):
 
 
 STANDSTILL = Wheels(0.0, 0.0)
+CONTROL_STEP = 0.1
+"""Duration of a control step (s): from one command and reading to the next."""
 
 
 @dataclass(frozen=True, kw_only=True)

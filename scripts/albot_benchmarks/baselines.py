@@ -10,8 +10,7 @@ from jaxtyping import Float32
 
 from albot_core.geometry.types import Pose
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.sim.physics import PHYSICS_STEP
-from albot_env.sim.simulator import SUBSTEPS
+from albot_env.sim.physics import PHYSICS_STEP, SUBSTEPS
 from albot_maps import World
 from albot_maps.world import ROBOT_RADIUS
 

@@ -27,8 +27,7 @@ from albot_core.robot import PIONEER_3DX
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import ODOMETERS, LaserConfig, Sensors, choose_sensors
 from albot_env.sim.batch_simulator import BatchSimulator
-from albot_env.sim.physics import PHYSICS_STEP
-from albot_env.sim.simulator import SUBSTEPS
+from albot_env.sim.physics import PHYSICS_STEP, SUBSTEPS
 from albot_maps import World
 from albot_maps.world import ROBOT_RADIUS
 

@@ -17,9 +17,10 @@ from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.mapper import TRAVEL, KeptWays
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
+from albot_core.robot import CONTROL_STEP
 from albot_core.sensing.reading import Readings
 from albot_env.sim.batch_simulator import BatchSimulator, draw_key
-from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
+from albot_env.sim.physics import SUBSTEPS
 from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot

@@ -10,7 +10,7 @@ from jaxtyping import Int64
 
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
-from albot_env.sim.simulator import CONTROL_STEP
+from albot_core.robot import CONTROL_STEP
 from albot_env.tasks.core.actions import ActionConfig, ClaimingActionConfig, Numbers
 from albot_env.tasks.core.claims import ClaimJudge, Claims
 from albot_env.tasks.core.driving import DrivingTask

@@ -12,7 +12,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
-from albot_env.sim.simulator import CONTROL_STEP
+from albot_core.robot import CONTROL_STEP
 from albot_env.tasks.core.actions import (
     ActionConfig,
     DeclaringActionConfig,

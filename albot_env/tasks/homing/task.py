@@ -11,8 +11,8 @@ from jaxtyping import Bool, Int64
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.robot import CONTROL_STEP
 from albot_env.sim.batch_simulator import draw_key
-from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import (
     ActionConfig,
     DeclaringActionConfig,

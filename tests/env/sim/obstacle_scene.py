@@ -9,15 +9,13 @@ import numpy as np
 import pymunk
 
 from albot_core.kernels.arguments import KernelArguments
+from albot_core.robot import CONTROL_STEP
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk import ChipmunkBuffers, RobotArrays, SpaceTables, advance
 from albot_env.sim.obstacles import DynamicObstacles
 from albot_env.sim.odometer import ODOMETER_COUNT
-from albot_env.sim.physics import PHYSICS_STEP, PhysicsSpace, solver_steps
+from albot_env.sim.physics import PHYSICS_STEP, SUBSTEPS, PhysicsSpace, solver_steps
 from albot_maps import Box, Door, Movables, Walker, World
-
-CONTROL_STEP = 0.1
-SUBSTEPS = round(CONTROL_STEP / PHYSICS_STEP)
 
 
 def room(width: float = 8.0, depth: float = 6.0) -> list[list[float]]:

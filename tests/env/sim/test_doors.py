@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
+from albot_core.robot import CONTROL_STEP
 from albot_maps import Box, Door
-from tests.env.sim.obstacle_scene import CONTROL_STEP, Scene, inside, world_of
+from tests.env.sim.obstacle_scene import Scene, inside, world_of
 
 DOOR = Door(
     hinge=(4.0, 3.0),

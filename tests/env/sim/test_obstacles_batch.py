@@ -10,7 +10,8 @@ import pytest
 from albot_core.errors import InputError
 from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, LaserConfig, Sensors, choose_sensors
 from albot_env.sim.batch_simulator import BatchSimulator
-from albot_env.sim.simulator import SUBSTEPS, Simulator
+from albot_env.sim.physics import SUBSTEPS
+from albot_env.sim.simulator import Simulator
 from albot_env.sim.thread_pool import ThreadPool
 from albot_maps import Box, Door, Movables, Walker, World, load_world
 

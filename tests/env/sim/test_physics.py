@@ -16,8 +16,7 @@ from albot_core.robot import Wheels
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim import physics as physics_module
 from albot_env.sim.batch_simulator import BatchSimulator
-from albot_env.sim.physics import PhysicsSpace
-from albot_env.sim.simulator import SUBSTEPS
+from albot_env.sim.physics import SUBSTEPS, PhysicsSpace
 from albot_maps import load_world
 from albot_maps.world import World
 

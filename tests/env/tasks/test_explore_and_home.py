@@ -10,9 +10,9 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.mappers.registry import make_mapper
+from albot_core.robot import CONTROL_STEP
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.parts.scales import make_log_scale, scaled
 from albot_env.tasks.explore_and_home.env import ExploreAndHomeEnv

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Int64
 
 from albot_core.ranges import FROM_ONE, check_fields
-from albot_env.sim.simulator import CONTROL_STEP
+from albot_core.robot import CONTROL_STEP
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import ObservationConfig

@@ -11,7 +11,7 @@ from jaxtyping import Float, Float64
 from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.geometry.types import Points
 from albot_core.kernels.compiled import kernel
-from albot_env.sim.simulator import CONTROL_STEP
+from albot_core.robot import CONTROL_STEP
 from albot_env.tasks.core.parts.beliefs import all_towards, observe_point
 from albot_env.tasks.core.parts.part import Need, ObservationPart, Sources
 from albot_env.tasks.core.parts.scales import Scales, make_log_scale, scaled, unscaled
