@@ -13,14 +13,28 @@ _TASKS = (
     ("HomingByMap-v0", "HomingByMap", "homing_by_map", 3000),
     ("ExploreAndHome-v1", "ExploreAndHome", "explore_and_home", None),
     ("PlaceRecognition-v0", "PlaceRecognition", "place_recognition", None),
+    ("Probe-TriangleCompletion-v0", "TriangleCompletion", "probe", 3000),
+    ("Probe-Sunburst-v0", "Sunburst", "probe", 3000),
+    ("Probe-Detour-v0", "Detour", "probe", 3000),
+    ("Probe-Rectangle-v0", "Rectangle", "probe", 3000),
+    ("Probe-HiddenGoal-v0", "HiddenGoal", "probe", 3000),
 )
+_WORLDS = {
+    "TriangleCompletion": "probe-triangle",
+    "Sunburst": "probe-sunburst",
+    "Detour": "probe-detour",
+    "Rectangle": "probe-rectangle",
+    "HiddenGoal": "probe-pool",
+}
+"""The worlds of tasks that have one of their own."""
 
 for _id, _name, _folder, _steps in _TASKS:
     for _twin in ("", "Revealed") if _name != "PlaceRecognition" else ("",):
         gymnasium.register(
-            id=f"Albot/{_id.replace('-', f'{_twin}-')}",
+            id=f"Albot/{_id.replace('-v', f'{_twin}-v')}",
             entry_point=f"albot_env.tasks.{_folder}.env:{_name}Env",
             vector_entry_point=f"albot_env.tasks.{_folder}.env:{_name}VectorEnv",
             max_episode_steps=_steps,
-            kwargs={"reveal": True} if _twin else {},
+            kwargs=({"reveal": True} if _twin else {})
+            | ({"world": _WORLDS[_name]} if _name in _WORLDS else {}),
         )

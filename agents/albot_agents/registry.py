@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from albot_agents.scripted.homing import (
 )
 from albot_agents.scripted.patch_homing import PatchHoming
 from albot_agents.scripted.place_judge import PlaceJudge
-from albot_agents.task import untwinned
+from albot_agents.task import config_kind, is_probe, untwinned
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError, did_you_mean
@@ -58,6 +58,14 @@ class AgentEntry:
     file: AgentFile | None = None
     """The file of a trained agent; None for a scripted one."""
 
+    def attempts(self, task: str) -> bool:
+        """Return whether the agent can attempt a task: one of its own, a twin of it, or a probe.
+
+        Whoever comes home can be asked to in the scene of a probe.
+        """
+        comes_home = HOMING in self.tasks or BY_MAP in self.tasks
+        return untwinned(task) in self.tasks or (is_probe(task) and comes_home)
+
     @property
     def configs(self) -> EnvironmentConfigs:
         """The environment that the agent expects."""
@@ -77,8 +85,12 @@ class AgentEntry:
         Raises:
             InputError: The task has no such settings.
         """
+        settings = dict(settings)
+        if is_probe(task):  # An agent is shown the hints that it is used to.
+            config = settings.get("config") or config_kind(task)()
+            settings["config"] = replace(config, hints=config.hints or HOMING in self.tasks)
         if self.file is None:
-            return {"mapper": self.mapper, **self.sensors} | dict(settings)
+            return {"mapper": self.mapper, **self.sensors} | settings
         return self.file.environment(task, settings)
 
     def untrained_settings(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
@@ -186,9 +198,7 @@ AGENTS = {
 def agent_names(task: str | None = None) -> tuple[str, ...]:
     """Return the names of all agents, or of those for a task; scripted ones first, then trained."""
     names = (*AGENTS, *shipped_agents())
-    return tuple(
-        name for name in names if task is None or untwinned(task) in find_agent(name).tasks
-    )
+    return tuple(name for name in names if task is None or find_agent(name).attempts(task))
 
 
 def find_agent(name: str) -> AgentEntry:
@@ -216,9 +226,9 @@ def check_agent(name: str, task: str) -> None:
     Raises:
         InputError: The agent is unknown, or not for the task.
     """
-    tasks = find_agent(name).tasks
-    if untwinned(task) not in tasks:
-        found = f"{name}, which is for {' and '.join(tasks)}"
+    entry = find_agent(name)
+    if not entry.attempts(task):
+        found = f"{name}, which is for {' and '.join(entry.tasks)}"
         raise InputError("agent", f"one for {task}: {', '.join(agent_names(task))}", found)
 
 

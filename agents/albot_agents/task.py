@@ -28,6 +28,17 @@ def untwinned(task: str) -> str:
     return task.replace("Revealed-", "-")
 
 
+def is_probe(task: str) -> bool:
+    """Return whether a task is a probe, a fixed scene in which agents for homing are tested."""
+    return task.startswith(f"{PREFIX}Probe-")
+
+
+def own_world(task: str) -> str | None:
+    """Return the only world of a task; None if any world will do."""
+    world: str | None = gymnasium.spec(task).kwargs.get("world")
+    return world
+
+
 def check_task(task: str) -> None:
     """Check that a task exists.
 

@@ -34,10 +34,9 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 @click.option(
     "--worlds",
     multiple=True,
-    default=("random:office",),
-    show_default=True,
     metavar="SPEC",
-    help="random:KIND (each seed is a world), a name, a file, or a pattern of files; repeatable.",
+    help="random:KIND (each seed is a world), a name, a file, or a pattern of files; repeatable.  "
+    "[default: random:office, or a probe's own]",
 )
 @click.option(
     "--seeds", default="1000..1019", show_default=True, metavar="A..B", help="Both included."
@@ -101,9 +100,10 @@ def command(
     from albot_agents.evaluation.paired import check_same_episodes
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import check_agent, find_agent
-    from albot_agents.task import find_task
+    from albot_agents.task import find_task, own_world
 
     task = find_task(task)
+    worlds = worlds or (own_world(task) or "random:office",)
     agents = [agent] if against is None else [agent, against]
     if against == agent:
         raise InputError("--against", f"an agent other than {agent}", against)

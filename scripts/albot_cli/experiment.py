@@ -11,6 +11,7 @@ from albot_cli.group import LazyGroup
 from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_core.errors import InputError
 from albot_core.files import make_folder, write_text
 from albot_experiments.registry import (
     ABLATED,
@@ -84,12 +85,23 @@ def list_experiments(as_json: bool) -> None:
     help="Folder for the report: Markdown, pictures, JSON. For all: one folder each, and a "
     "summary page, OUT.md.",
 )
+@click.option("--agent", help="In a probe: the only agent beside the oracle.")
+@click.option("--mapper", help="In a probe: the agents' mapper.  [default: each agent's own]")
+@click.option("--odometer", help="In a probe: the odometer.  [default: pioneer]")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def run_experiment(
-    name: str, seeds: str | None, out: Path | None, force: bool, as_json: bool
+    name: str,
+    seeds: str | None,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    **options: str | None,
 ) -> None:
-    """Run the experiment ID, or all; `albot experiment list` names them."""
+    """Run the experiment ID, or all; `albot experiment list` names them.
+
+    Probes, whose IDs begin with probe-, test agents in a scene in which animals or people were.
+    """
     from albot_agents.evaluation.plan import parse_seeds  # slow to load
 
     over = None if seeds is None else parse_seeds(seeds)
@@ -103,10 +115,13 @@ def run_experiment(
                 check_folder(folder, REPORT_FILES, force=force)
         if name == ALL:
             check_file(index_path(out), force=force)
+    given = {option: value for option, value in options.items() if value is not None}
     if name == ALL:
+        if given:
+            raise InputError(f"--{next(iter(given))}", "one probe", ALL)
         _run_all(chosen, over, out, as_json)
     else:
-        _run_one(chosen[0], over, out, as_json)
+        _run_one(chosen[0], over, out, as_json, given)
 
 
 @command.command("page")
@@ -130,8 +145,14 @@ def write_ablation(folder: Path, force: bool) -> None:
     click.echo(str(page))
 
 
-def _run_one(experiment: Experiment, seeds: range | None, out: Path | None, as_json: bool) -> None:
-    report = _run(experiment, seeds)
+def _run_one(
+    experiment: Experiment,
+    seeds: range | None,
+    out: Path | None,
+    as_json: bool,
+    options: dict[str, str],
+) -> None:
+    report = _run(experiment, seeds, **options)
     files = report.write(out) if out else []
     if as_json:
         click.echo(json.dumps(report.as_json() | {"files": [str(path) for path in files]}))
@@ -160,19 +181,22 @@ def _run_all(
         click.echo(json.dumps({"experiments": found, "files": [str(path) for path in files]}))
 
 
-def _run(experiment: Experiment, seeds: range | None) -> Report:
+def _run(experiment: Experiment, seeds: range | None, **options: str) -> Report:
     over = experiment.default_seeds if seeds is None else seeds
     with progress(experiment.id, len(over), "seeds") as update:
-        return experiment.run(over, update)
+        return experiment.run(over, update, **options)
 
 
 def _print(report: Report, files: list[Path]) -> None:
     click.echo(f"{report.id}: {report.title}\n")
-    paper, measured = dict(rows(report.paper)), rows(report.measured)
-    width = max(len(name) for name, _ in measured)
-    click.echo(f"{'':{width}}  {'paper':>8}  {'measured':>8}")
-    for name, value in measured:
-        click.echo(f"{name:{width}}  {cell(paper.get(name)):>8}  {cell(value):>8}")
-    click.echo("\n" + "\n".join(report.verdict_lines()) + "\n")
+    paper, measured = dict(rows(report.paper)), dict(rows(report.alone))
+    beside = [[name, cell(paper.get(name)), cell(measured.get(name))] for name in measured | paper]
+    for table in ([["", "paper", "measured"], *beside], *report.grouped()):
+        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+        for name, *cells in table:
+            told = (f"{each:>{width}}" for each, width in zip(cells, widths[1:], strict=True))
+            click.echo(f"{name:{widths[0]}}  {'  '.join(told)}".rstrip())
+        click.echo()
+    click.echo("\n".join(report.verdict_lines()) + "\n")
     for path in files:
         click.echo(str(path))

@@ -10,6 +10,7 @@ from gymnasium.spaces import Box
 
 from albot_agents.agent import Action
 from albot_agents.registry import BY_MAP, EXPLORE, HOMING, ROUND_TRIP, AgentEntry
+from albot_agents.task import is_probe, untwinned
 from albot_core.errors import InputError
 from albot_env.rendering.viewer import NullViewer, Viewer
 
@@ -59,6 +60,12 @@ ENTER_MEANINGS = {
     ROUND_TRIP: "enter: I am home",
 }
 """Meaning of Enter in each task in which a person can drive."""
+
+
+def enter_meaning(task: str) -> str:
+    """Return what Enter means in a task, its twin or a probe."""
+    return ENTER_MEANINGS[HOMING if is_probe(task) else untwinned(task)]
+
 
 KEYBOARD = AgentEntry(summary="You drive.", make=lambda *_: Keyboard(), tasks=tuple(ENTER_MEANINGS))
 """The entry of the agent, which can drive only with a viewer."""

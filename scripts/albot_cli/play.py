@@ -35,6 +35,8 @@ AGENTS = {
     "Albot/PlaceRecognition-v0": "place-judge",
 }
 """The default agent of each task."""
+PROBED = "albot1-homing"
+"""The default agent of the probes."""
 SUFFIX = ".mcap"
 """Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
 PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
@@ -58,9 +60,7 @@ RUN_ONLY = (
 @click.argument("what", required=False, metavar="[TASK|EPISODE]")
 @click.option(
     "--world",
-    default="office-ring",
-    show_default=True,
-    help="World: a name, a file or random:KIND:SEED.",
+    help="World: a name, a file or random:KIND:SEED.  [default: office-ring, or a probe's own]",
 )
 @click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
 @mapper_config_option
@@ -196,7 +196,7 @@ def _check_picture(png: Path, episode: Path, force: bool) -> None:
 def _run(
     task: str | None,
     *,
-    world: str,
+    world: str | None,
     mapper: str | None,
     mapper_config: Path | None,
     agent: str | None,
@@ -215,14 +215,16 @@ def _run(
     import gymnasium
 
     from albot_agents.agent import EnvironmentConfigs
+    from albot_agents.task import own_world
     from albot_cli.episodes import RunningEpisode
-    from albot_cli.keyboard import ENTER_MEANINGS, Keyboard
+    from albot_cli.keyboard import Keyboard, enter_meaning
     from albot_cli.watch import keys_expected, open_viewer, watch
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.rendering.controls import Controls
     from albot_env.tasks.core.single import SingleEnv
 
     task, agent, entry = _choose(task, agent)
+    world = world or own_world(task) or "office-ring"
     if agent == Keyboard.name and headless:
         raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
     if agent == Keyboard.name and not keys_expected():
@@ -242,7 +244,7 @@ def _run(
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
     drives = isinstance(driver, Keyboard)
-    more = f"arrows drive · {ENTER_MEANINGS[task]}" if drives else ""
+    more = f"arrows drive · {enter_meaning(task)}" if drives else ""
     controls = Controls(speed or (1.0 if drives else 10.0), recorded=False, more=more)
     try:
         episode = RunningEpisode(env, driver, seed, steps=steps)
@@ -281,15 +283,16 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
         InputError: There is no such task or agent, or the agent is not for the task.
     """
     from albot_agents.registry import agent_names, find_agent
-    from albot_agents.task import find_task, untwinned
+    from albot_agents.task import find_task, is_probe, untwinned
     from albot_cli.keyboard import KEYBOARD, Keyboard
 
     task = None if task is None else find_task(task)
-    agent = AGENTS[untwinned(task or next(iter(AGENTS)))] if agent is None else agent
+    if agent is None:
+        agent = PROBED if task and is_probe(task) else AGENTS[untwinned(task or next(iter(AGENTS)))]
     entry = KEYBOARD if agent == Keyboard.name else find_agent(agent)
     task = task or entry.tasks[0]
-    if untwinned(task) not in entry.tasks:
-        names = (*agent_names(task), *([Keyboard.name] if task in KEYBOARD.tasks else []))
+    if not entry.attempts(task):
+        names = (*agent_names(task), *([Keyboard.name] if KEYBOARD.attempts(task) else []))
         found = f"{agent}, which is for {' and '.join(entry.tasks)}"
         raise InputError("--agent", f"one for {task}: {', '.join(names)}", found)
     return task, agent, entry

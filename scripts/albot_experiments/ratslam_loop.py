@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from albot_core.planning.leading import Driving
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SceneConfig
 from albot_experiments.mapping import median_and_worst
@@ -19,7 +20,7 @@ from albot_experiments.ratslam_runs import (
     follow,
 )
 from albot_experiments.report import Figures, Report, each_seed
-from albot_experiments.tours import Driving, driven_tour
+from albot_experiments.tours import driven_tour
 from albot_maps import load_world
 
 if TYPE_CHECKING:

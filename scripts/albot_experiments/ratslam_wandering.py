@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_core.geometry.types import Points
+from albot_core.planning.leading import Driving
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
 from albot_experiments.mapping import median_and_worst
@@ -20,7 +21,7 @@ from albot_experiments.ratslam_runs import (
     follow,
 )
 from albot_experiments.report import Figures
-from albot_experiments.tours import Driving, TourRecord, driven_tour
+from albot_experiments.tours import TourRecord, driven_tour
 from albot_maps import load_world
 from albot_maps.routes import Routes
 from albot_maps.world import World

@@ -27,7 +27,9 @@ class Experiment:
     seeds: int
     """Default number of seeds."""
     module: str
-    """The module with its `run(seeds, progress)`."""
+    """The module with its `run(seeds, progress)`, or of a probe `run(task, seeds, progress)`."""
+    task: str = ""
+    """Id of a probe's environment, in which agents are tested; empty for other experiments."""
     needs_data: bool = False
     """Whether it reads real logs."""
 
@@ -41,9 +43,22 @@ class Experiment:
         """The seeds over which the experiment runs by default."""
         return range(FIRST_SEED, FIRST_SEED + self.seeds)
 
-    def run(self, seeds: range, progress: Callable[[int], None]) -> Report:
-        """Run the experiment over the seeds; call `progress` with the number of seeds done."""
-        report: Report = importlib.import_module(self.module).run(seeds, progress)
+    def run(self, seeds: range, progress: Callable[[int], None], **options: str) -> Report:
+        """Run the experiment over the seeds; call `progress` with the number of seeds done.
+
+        Args:
+            seeds: The seeds.
+            progress: Called with the number of seeds done.
+            options: `agent`, `mapper` and `odometer` of a probe.
+
+        Raises:
+            InputError: Options are given, but it is no probe; or as the experiment says.
+        """
+        if options and not self.task:
+            probes = ", ".join(name for name, each in EXPERIMENTS.items() if each.task)
+            raise InputError(f"--{next(iter(options))}", f"a probe: {probes}", self.id)
+        run = importlib.import_module(self.module).run
+        report: Report = run(*([self.task] if self.task else []), seeds, progress, **options)
         return report
 
 
@@ -172,6 +187,41 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.ratslam_real",
             needs_data=True,
+        ),
+        Experiment(
+            id="probe-triangle-completion",
+            title="Path integration: home after two legs over an open floor (Loomis et al. 1993)",
+            seeds=54,
+            module="albot_experiments.probes",
+            task="Albot/Probe-TriangleCompletion-v0",
+        ),
+        Experiment(
+            id="probe-sunburst",
+            title="A shortcut that was never driven (Tolman et al. 1946)",
+            seeds=20,
+            module="albot_experiments.probes",
+            task="Albot/Probe-Sunburst-v0",
+        ),
+        Experiment(
+            id="probe-detour",
+            title="The shorter detour round a barrier (Köhler 1925)",
+            seeds=20,
+            module="albot_experiments.probes",
+            task="Albot/Probe-Detour-v0",
+        ),
+        Experiment(
+            id="probe-rectangle",
+            title="Geometry against a feature, in a rectangular room (Cheng 1986)",
+            seeds=60,
+            module="albot_experiments.probes",
+            task="Albot/Probe-Rectangle-v0",
+        ),
+        Experiment(
+            id="probe-hidden-goal",
+            title="A hidden goal by distant cues (Morris 1981)",
+            seeds=40,
+            module="albot_experiments.probes",
+            task="Albot/Probe-HiddenGoal-v0",
         ),
     )
 }

@@ -53,7 +53,7 @@ class Report:
     holds: bool
     """Whether the paper's result was reached."""
     verdicts: Mapping[str, bool] = field(default_factory=dict)
-    """The same verdict for each mapper that is judged."""
+    """The same verdict for each mapper, or agent, that is judged."""
     compared: Mapping[str, Mapping[str, Scalar]] = field(default_factory=dict)
     """The figures by which the mappers are compared, each by mapper (see `compared`)."""
     text: str = ""
@@ -76,12 +76,9 @@ class Report:
         """Return the report in Markdown, with its pictures."""
         lines = [f"# {self.id}: {self.title}", "", self.text.strip(), ""]
         lines += self.table()
-        for table in self._tables:
-            columns = [name for name, _ in rows(next(iter(table.values())))]
-            lines += ["", f"| | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
-            for name, figures in table.items():
-                cells = " | ".join(cell(value) for _, value in rows(figures))
-                lines.append(f"| {name} | {cells} |")
+        for head, *body in self.grouped():
+            lines += ["", f"| | {' | '.join(head[1:])} |", "|---" * len(head) + "|"]
+            lines += [f"| {' | '.join(row)} |" for row in body]
         lines += ["", *self.verdict_lines(), ""]
         lines += [f"![{name}]({name}.png)\n" for name in self.pictures]
         return "\n".join(lines)
@@ -91,11 +88,11 @@ class Report:
         if not self.verdicts:
             return ["Reached." if self.holds else "Not reached."]
         lines = [f"- `{name}`: {_verdict(reached)}" for name, reached in self.verdicts.items()]
-        return ["Reached, by mapper:", "", *lines]
+        return ["Reached:", "", *lines]
 
     def table(self) -> list[str]:
         """Return the paper's figures beside those measured, without groups, in Markdown."""
-        paper, measured = dict(rows(self.paper)), dict(rows(self._alone))
+        paper, measured = dict(rows(self.paper)), dict(rows(self.alone))
         return [
             "| | paper | measured |",
             "|---|---|---|",
@@ -105,8 +102,17 @@ class Report:
             ),
         ]
 
+    def grouped(self) -> list[list[list[str]]]:
+        """Return the figures that come in groups as tables of cells, the head of each first."""
+        tables = []
+        for table in self._tables:
+            head = ["", *(name for name, _ in rows(next(iter(table.values()))))]
+            body = [[name, *map(cell, dict(rows(each)).values())] for name, each in table.items()]
+            tables.append([head, *body])
+        return tables
+
     @property
-    def _alone(self) -> dict[str, Figures]:
+    def alone(self) -> dict[str, Figures]:
         """The measured figures that are not part of a table."""
         return {
             name: value

@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, relative, wrap_angle
+from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Points, Pose, Poses
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.planning.leading import LED, Driving
 from albot_core.sensing.reading import Reading
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
@@ -24,13 +24,6 @@ from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, StartStop, follow_leg
 from albot_env.sim.sonar import SonarConfig
 from albot_maps.world import World
-
-_ARRIVED = 0.15
-"""A waypoint is reached within this distance (m)."""
-_STEERING = 3.0
-"""Turn rate for each radian between the robot's heading and the waypoint's direction (1/s)."""
-_TURN_FIRST = np.radians(45.0)
-"""If a waypoint is farther than this to the side, the robot turns on the spot (rad)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,25 +111,12 @@ def true_motions(journey: TourRecord) -> Poses:
     return relative(before, journey.truth)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Driving:
-    """Speeds at which the robot is driven. The thesis's was driven by a laptop's arrow keys."""
-
-    speed: float = 0.5
-    """Speed straight on (m/s)."""
-    turn_rate: float = np.radians(30.0)
-    """Maximum turn rate (rad/s)."""
-
-    def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "speed", "turn_rate")
-
-
 def driven_tour(
     world: World,
     waypoints: Points,
     rng: np.random.Generator,
     *,
-    driving: Driving = Driving(),
+    driving: Driving = LED,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
     scenes: SceneConfig | None = None,
@@ -155,11 +135,8 @@ def driven_tour(
 
 def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Iterator[Reading]:
     """Drive to the waypoint; yield one reading for each control step."""
-    while np.hypot(*(to := waypoint - simulator.pose[:2])) > _ARRIVED:
-        aside = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))
-        forwards = max(0.0, 1.0 - abs(aside) / _TURN_FIRST)
-        turn_rate = np.clip(_STEERING * aside, -driving.turn_rate, driving.turn_rate)
-        yield simulator.step(driving.speed * forwards, float(turn_rate))
+    while (command := driving.command_towards(waypoint, simulator.pose)) is not None:
+        yield simulator.step(*command.tolist())
 
 
 def thinned_views(journey: TourRecord, spacing: float, turn: float) -> TourRecord:

@@ -20,9 +20,12 @@ from albot_maps import load_world
 
 assert albot_env.__doc__  # Importing it registers the environments.
 IDS = sorted(
-    name for name in gymnasium.registry if name.startswith("Albot/") and "Revealed" not in name
+    name
+    for name in gymnasium.registry
+    if name.startswith("Albot/") and not any(word in name for word in ("Revealed", "Probe"))
 )
-"""The environments but for their revealed twins, of which `test_truth.py` is."""
+"""The environments but for their revealed twins and the probes: see `test_truth.py` and
+`test_probes.py`."""
 
 STROLL = HomingConfig(outing=OutwardJourneyConfig(shortest=1.0, longest=2.0, away=0.0))
 """A journey out of a metre or two."""

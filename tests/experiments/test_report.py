@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from albot_core.errors import InputError
+from albot_env.tasks.probe.task import PROBES
 from albot_experiments.registry import EXPERIMENTS
 from albot_experiments.report import Report, index, read_report, rows, write_index
 
@@ -114,17 +115,24 @@ def test_pictures_are_small_and_keep_their_colours(tmp_path: Path) -> None:
 def test_every_experiment_is_its_module(name: str) -> None:
     experiment = EXPERIMENTS[name]
     module = importlib.import_module(experiment.module)
-    assert name == experiment.id == module.ID
-    assert module.PAPER
+    if experiment.task:
+        assert name == experiment.id == module.experiment_id(experiment.task)
+        assert experiment.task in PROBES
+    else:
+        assert name == experiment.id == module.ID
+        assert module.PAPER
     assert experiment.seeds >= 20
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_the_page_in_docs_says_what_the_report_says(name: str) -> None:
     result = json.loads((PAGE.parent / "experiments" / name / "result.json").read_text())
-    module = importlib.import_module(EXPERIMENTS[name].module)
-    assert result["paper"] == module.PAPER
-    report = Report(title=module.TITLE, **result)
+    task, module = EXPERIMENTS[name].task, importlib.import_module(EXPERIMENTS[name].module)
+    paper, title = (module.PAPERS.get(task, {}), PROBES[task].scene.title) if task else (
+        module.PAPER, module.TITLE,
+    )  # fmt: skip
+    assert result["paper"] == paper
+    report = Report(title=title, **result)
     row = next(line for line in index([report], "experiments").splitlines() if name in line)
     section = index([report], "experiments").split("## ")[1].split("![")[0].strip()
     page = PAGE.read_text()

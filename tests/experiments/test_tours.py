@@ -7,11 +7,11 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
+from albot_core.planning.leading import Driving
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.simulator import StartStop
 from albot_experiments.tours import (
-    Driving,
     TourRecord,
     driven_tour,
     guided_tour,

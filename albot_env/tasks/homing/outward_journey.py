@@ -1,6 +1,6 @@
 """Outward journeys: how homing robots got to where their episodes begin.
 
-On an outward journey a robot explores and builds its map. A guide decides where it drives: the gap
+On an outward journey a robot builds its map. A guide decides where it drives: in most tasks the gap
 explorer of `albot_core.planning`, which knows the true pose and sees the true ranges of a laser of
 its own. So the way is a function of the world, the start and the journey's number alone. A robot
 then drives the same way, command by command, with its own sensors and mapper.
@@ -9,6 +9,7 @@ then drives the same way, command by command, with its own sensors and mapper.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +23,6 @@ from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import SteeringConfig
 from albot_core.ranges import Range, check_fields
-from albot_core.robot import RobotConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.claims import ClaimJudge, judge_claim
@@ -63,6 +63,8 @@ class OutwardJourney:
 
     world: World
     """World of the journey."""
+    number: int
+    """Its number among those from its start."""
     end: EpisodeSnapshot
     """State of the robot at the end."""
     visited: Arrays
@@ -89,6 +91,53 @@ class Route:
     """Whether the robot got stuck before it had driven the drawn length."""
 
 
+class Guide(ABC):
+    """Decides where a robot drives on its outward journey.
+
+    Args:
+        equipment: Equipment of the robots; of it, only body and obstacles matter.
+    """
+
+    kind: Any
+    """What its ways depend on besides their specs, hashable."""
+
+    def __init__(self, equipment: Equipment) -> None:
+        robot, movables = equipment.robot, equipment.movables
+        self._robot = DrivingTask(
+            1,
+            Equipment(mapper=NO_MAPPER, robot=robot, sensors=Sensors(), movables=movables),
+            actions=ActionConfig(),
+            observations=ObservationConfig(parts=("motion",)),
+        )
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._robot.close()
+
+    @abstractmethod
+    def find_route(self, spec: JourneySpec) -> Route:
+        """Return the way of a journey, which depends on nothing but `spec` and `kind`."""
+
+    def _begin(self, spec: JourneySpec) -> list[Float64[np.ndarray, "2"]]:
+        """Put the robot at the start; return the empty list of its commands."""
+        self._robot.begin(0, spec.world, spec.start, journey_noise(spec))
+        self._robot.observe()
+        return []
+
+    def _drive(
+        self, command: Float64[np.ndarray, "2"], commands: list[Float64[np.ndarray, "2"]]
+    ) -> None:
+        """Make one control step with a speed (m/s) and a turn rate (rad/s)."""
+        commands.append(command)
+        self._robot.drive(command[np.newaxis])
+        self._robot.observe()
+
+    def _stop(self, commands: list[Float64[np.ndarray, "2"]]) -> None:
+        """Brake until the robot is at rest."""
+        while not self._robot.at_rest:
+            self._drive(np.zeros(2), commands)
+
+
 _ROUTES = JourneyCache(limit=32 * 2**20)
 """The latest ways: agents that are compared drive them one after another."""
 
@@ -100,7 +149,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         environment: Id of the environment, for error messages.
         equipment: Equipment of the robots.
         observations: Observation config of the robots, including coverage.
-        config: Length of journeys.
+        guide: Decides where robots drive.
         count: Number of different journeys per start; 0 for a new one each time.
 
     Raises:
@@ -112,14 +161,14 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         environment: str,
         equipment: Equipment,
         observations: ObservationConfig,
-        config: OutwardJourneyConfig,
+        guide: Guide,
         count: int,
     ) -> None:
         # The state at the end holds what was covered and the trail, and no other part of an
         # observation.
         seen = observations.coverage, observations.map_patch.trail
-        super().__init__(environment, (replace(equipment, threads=1), *seen, config), count)
-        self._guide = _Guide(config, equipment.robot, movables=equipment.movables)
+        super().__init__(environment, (replace(equipment, threads=1), *seen, guide.kind), count)
+        self._guide = guide
         # It always observes coverage and leaves a trail, so that robots that do can use its
         # journeys, too. The smallest patch that leaves one is drawn without the mapper's map.
         others = (part for part in observations.parts if part != "place_graph")
@@ -142,13 +191,14 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         key = (self._guide.kind, id(spec.world), spec.start.tobytes(), spec.number)
         route = _ROUTES.fetch(key, lambda: self._guide.find_route(spec))
         follower = self._follower
-        follower.begin(0, spec.world, spec.start, _noise(spec))
+        follower.begin(0, spec.world, spec.start, journey_noise(spec))
         follower.observe()
         for command in route.commands:
             follower.follow(command)
         readings = len(route.commands) + 1
         return OutwardJourney(
             world=spec.world,
+            number=spec.number,
             end=follower.episode_snapshot(0),
             visited=follower.judge.visited(0, readings),
             readings=readings,
@@ -191,13 +241,12 @@ class _Follower(DrivingTask):
             )
 
 
-class _Guide:
-    """Finds the ways of outward journeys.
+class ExploringGuide(Guide):
+    """Lets the gap explorer decide, until it has driven far enough.
 
     Args:
+        equipment: Equipment of the robots; of it, only body and obstacles matter.
         config: Length of journeys.
-        robot: Body and drive of the robots.
-        movables: Whether doors, boxes and people are simulated in worlds that have them.
     """
 
     _STEPS_PER_METRE = 40
@@ -205,46 +254,32 @@ class _Guide:
     _STEPS = 400
     """Constant part of the step limit."""
 
-    def __init__(self, config: OutwardJourneyConfig, robot: RobotConfig, *, movables: bool) -> None:
+    def __init__(self, equipment: Equipment, config: OutwardJourneyConfig) -> None:
+        super().__init__(equipment)
         self._config = config
-        self.kind = config, robot, movables
-        """What ways depend on besides their specs."""
-        self._robot = DrivingTask(
-            1,
-            Equipment(mapper=NO_MAPPER, robot=robot, sensors=Sensors(), movables=movables),
-            actions=ActionConfig(),
-            observations=ObservationConfig(parts=("motion",)),
+        self.kind = config, equipment.robot, equipment.movables
+        self._explorer = GapExplorer(
+            GapExplorerConfig(steering=SteeringConfig(robot=equipment.robot))
         )
-        self._explorer = GapExplorer(GapExplorerConfig(steering=SteeringConfig(robot=robot)))
-
-    def close(self) -> None:
-        """Stop the threads."""
-        self._robot.close()
 
     def find_route(self, spec: JourneySpec) -> Route:
-        """Return the way of a journey, which depends on nothing but `spec` and the config."""
+        """Return the way of a journey, which depends on nothing but `spec` and `kind`."""
         world, start = spec.world, spec.start
         rng = np.random.default_rng(_seed(spec))
         wanted = float(rng.uniform(self._config.shortest, self._config.longest))
         field = DistanceField(world.walls, world.robot_radius, start[:2])
         robot, explorer = self._robot, self._explorer
-        robot.begin(0, world, start, _noise(spec))
+        commands = self._begin(spec)
         explorer.reset(rng)
-        robot.observe()
-        before, commands = start, []
+        before = start
         arrived, left = False, self._STEPS + int(self._STEPS_PER_METRE * wanted)
         while left and not arrived:
             percept = self._percept(before)
             before = robot.poses[0].copy()
-            commands.append(explorer.command(percept))
-            robot.drive(commands[-1][np.newaxis])
-            robot.observe()
+            self._drive(explorer.command(percept), commands)
             away = field.distance(robot.poses[0, :2]) >= self._config.away
             arrived, left = bool(away and robot.path_lengths[0] >= wanted), left - 1
-        while not robot.at_rest:
-            commands.append(np.zeros(2))
-            robot.drive(commands[-1][np.newaxis])
-            robot.observe()
+        self._stop(commands)
         if math.isinf(field.distance(robot.poses[0, :2])):
             field = DistanceField(world.walls, world.robot_radius, start[:2], tight=True)
         return Route(
@@ -275,7 +310,7 @@ def _seed(spec: JourneySpec) -> tuple[int, ...]:
     return spec.number, *spec.start.view(np.uint64).tolist()
 
 
-def _noise(spec: JourneySpec) -> np.random.Generator:
+def journey_noise(spec: JourneySpec) -> np.random.Generator:
     """Return the generator of a journey's noise, the same for the guide and who follows it.
 
     So both meet doors, boxes and people at the same places.

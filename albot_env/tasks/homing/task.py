@@ -33,6 +33,8 @@ from albot_env.tasks.core.way_home import (
     with_field_rows,
 )
 from albot_env.tasks.homing.outward_journey import (
+    ExploringGuide,
+    Guide,
     OutwardJourney,
     OutwardJourneyConfig,
     OutwardJourneys,
@@ -47,8 +49,8 @@ from albot_maps import World
 
 
 @dataclass(frozen=True, kw_only=True)
-class HomingConfig:
-    """Parameters of actions, observations, rewards and outward journeys."""
+class WayHomeConfig:
+    """Parameters of actions, observations, rewards and success on a way home."""
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """Speed and turn rate of actions, and the declaration."""
@@ -60,8 +62,6 @@ class HomingConfig:
     """Parts and scales of observations, and the coverage grid."""
     weights: HomingWeights = field(default_factory=HomingWeights)
     """Weights of the reward's terms."""
-    outing: OutwardJourneyConfig = field(default_factory=OutwardJourneyConfig)
-    """Length of outward journeys."""
     radius: float = 1.0
     """Straight-line distance from the start within which the robot is home (m)."""
 
@@ -69,20 +69,28 @@ class HomingConfig:
         check_fields(self, POSITIVE, "radius")
 
 
-class HomingTask(DrivingTask):
-    """Robots that have explored and drive home.
+@dataclass(frozen=True, kw_only=True)
+class HomingConfig(WayHomeConfig):
+    """Parameters of actions, observations, rewards and outward journeys."""
+
+    outing: OutwardJourneyConfig = field(default_factory=OutwardJourneyConfig)
+    """Length of outward journeys."""
+
+
+class WayHomeTask(DrivingTask):
+    """Robots at the end of an outward journey that drive home.
 
     Args:
         robots: Number of robots.
         equipment: Equipment of the robots.
-        config: Parameters of actions, observations, rewards and outward journeys.
+        config: Parameters of actions, observations, rewards and success.
+        guide: Decides where robots drive on their outward journeys.
         journeys: Number of outward journeys per start; 0 for a new one each time.
 
     Raises:
         InputError: `journeys` is negative, or the mapper is unknown.
     """
 
-    environment: ClassVar[str] = "Albot/Homing-v0"
     terms_of_reward: ClassVar[tuple[str, ...]] = HomingTerms._fields
 
     def __init__(
@@ -90,10 +98,10 @@ class HomingTask(DrivingTask):
         robots: int,
         equipment: Equipment,
         *,
-        config: HomingConfig | None = None,
-        journeys: int = 0,
+        config: WayHomeConfig,
+        guide: Guide,
+        journeys: int,
     ) -> None:
-        config = chosen_config(config, HomingConfig, self.environment)
         actions: ActionConfig = config.actions
         if config.claims:
             actions = MissionActionConfig(**vars(config.actions))
@@ -102,7 +110,7 @@ class HomingTask(DrivingTask):
         self._arguments = ArgumentsCache(self._reward_arguments)
         self._judge = ClaimJudge(robots, self._mappers)
         self.journeys = self._outward_journeys = OutwardJourneys(
-            self.environment, equipment, config.observations, config.outing, journeys
+            self.environment, equipment, config.observations, guide, journeys
         )
         self._shared = journeys > 0
         self._outward_lengths = np.zeros(robots)
@@ -203,3 +211,31 @@ class HomingTask(DrivingTask):
                 "outward_cut_short": self._cut_short,
             }
         )
+
+
+class HomingTask(WayHomeTask):
+    """Robots that have explored and drive home.
+
+    Args:
+        robots: Number of robots.
+        equipment: Equipment of the robots.
+        config: Parameters of actions, observations, rewards and outward journeys.
+        journeys: Number of outward journeys per start; 0 for a new one each time.
+
+    Raises:
+        InputError: `journeys` is negative, or the mapper is unknown.
+    """
+
+    environment: ClassVar[str] = "Albot/Homing-v0"
+
+    def __init__(
+        self,
+        robots: int,
+        equipment: Equipment,
+        *,
+        config: HomingConfig | None = None,
+        journeys: int = 0,
+    ) -> None:
+        config = chosen_config(config, HomingConfig, self.environment)
+        guide = ExploringGuide(equipment, config.outing)
+        super().__init__(robots, equipment, config=config, guide=guide, journeys=journeys)

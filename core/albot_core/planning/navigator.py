@@ -41,7 +41,8 @@ class Navigator:
     Unseen ground counts as free, and the path is planned again as more is seen (as in A. Stentz,
     Optimal and efficient path planning for partially-known environments, ICRA 1994). The robot
     leaves a known way if the planned path is much shorter, and returns to it if the path turns out
-    not to be. Without a path it heads for the target (`GoalSeeker`).
+    not to be. It also leaves one that is barred, until it has passed what bars it. Without a path
+    it heads for the target (`GoalSeeker`).
 
     Args:
         config: The steering parameters.
@@ -51,6 +52,10 @@ class Navigator:
     """Steps between two path searches."""
     _AT_HAND = 0.7
     """Distance (m) within which a target is approached straight; paths end about there."""
+    _BARRED = 10
+    """Number of searches that find the known way barred, after which it is left."""
+    _FARTHER = 0.5
+    """Decrease of the known way's length that counts as progress on it (m)."""
     _FARTHEST = 25.0
     """Largest planning distance (m); a farther target is replaced by the point in its direction."""
 
@@ -66,6 +71,7 @@ class Navigator:
         self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
         self._steps = 0
         self._leaves_known_way = False
+        self._least, self._times_barred = np.inf, 0
 
     def command(self, percept: Percept, target: Points, known: KnownWay | None = None) -> Command:
         """Return the next drive command.
@@ -94,9 +100,30 @@ class Navigator:
     def _plan(self, percept: Percept, target: Points, known: KnownWay | None) -> None:
         """Plan the path to the target, or along the known way if that is not much longer."""
         self._route, length = self._find_route(percept, target)
-        self._leaves_known_way = known is not None and WORTH * length < known.length < np.inf
-        if known is not None and not self._leaves_known_way:
-            self._route, _ = self._find_route(percept, known.ahead)
+        self._leaves_known_way = False
+        if known is None:
+            return
+        route, to_ahead = self._find_route(percept, known.ahead)
+        is_barred = self._is_barred(known, to_ahead)
+        self._leaves_known_way = is_barred or WORTH * length < known.length < np.inf
+        if not self._leaves_known_way:
+            self._route = route
+
+    def _is_barred(self, known: KnownWay, to_ahead: float) -> bool:
+        """Return whether the known way is barred: by a door that was shut meanwhile, for example.
+
+        It is once its next point could often only be reached by a detour, and the robot has come
+        no farther on it; until the robot has come farther. Where the point lies varies.
+
+        Args:
+            known: The known way.
+            to_ahead: Length of the path to its next point (m).
+        """
+        if known.length < self._least - self._FARTHER:
+            self._least, self._times_barred = known.length, 0
+        straight = float(np.hypot(*known.ahead))
+        self._times_barred += to_ahead > WORTH * straight + self._AT_HAND
+        return self._times_barred >= self._BARRED
 
     def _find_route(
         self, percept: Percept, target: Points

@@ -16,6 +16,7 @@ from albot_core.errors import InputError
 from albot_core.plain_data import to_plain
 from albot_core.robot import ROBOTS
 from albot_env.tasks.core.settings import check_seed
+from albot_env.tasks.probe.task import PROBES
 from albot_maps import World
 from albot_maps.generators.spec import KINDS
 from tests.env import quick
@@ -72,7 +73,10 @@ def _same(one: Any, other: Any) -> bool:
 
 def test_every_task_is_registered() -> None:
     folders = (Path(albot_env.__file__).parent / "tasks").glob("*/env.py")
-    assert len(quick.IDS) == len(list(folders)) >= 1
+    assert {*quick.IDS, *PROBES} == {
+        name for name in gymnasium.registry if name[:6] == "Albot/" and "Revealed" not in name
+    }
+    assert len(quick.IDS) + 1 == len(list(folders))  # The probes are in one folder.
 
 
 WORLDS = [
