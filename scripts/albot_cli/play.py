@@ -215,6 +215,7 @@ def _run(
     import gymnasium
 
     from albot_agents.agent import EnvironmentConfigs
+    from albot_agents.task import untwinned
     from albot_cli.episodes import RunningEpisode
     from albot_cli.keyboard import ENTER_MEANINGS, Keyboard
     from albot_cli.watch import keys_expected, open_viewer, watch
@@ -242,7 +243,7 @@ def _run(
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
     drives = isinstance(driver, Keyboard)
-    more = f"arrows drive · {ENTER_MEANINGS[task]}" if drives else ""
+    more = f"arrows drive · {ENTER_MEANINGS[untwinned(task)]}" if drives else ""
     controls = Controls(speed or (1.0 if drives else 10.0), recorded=False, more=more)
     try:
         episode = RunningEpisode(env, driver, seed, steps=steps)
