@@ -159,10 +159,11 @@ def _settings(
 
 def way_out(task: str, text: str) -> Any:
     """Return the task's configuration with an outward journey of length `A..B` (m)."""
+    from albot_agents.task import untwinned
     from albot_env.tasks.homing.outward_journey import LENGTHS, OutwardJourneyConfig
     from albot_env.tasks.homing.task import HomingConfig, HomingTask
 
-    if task != HomingTask.environment:
+    if untwinned(task) != HomingTask.environment:
         raise InputError(
             "--outward", f"{HomingTask.environment}, which has an outward journey", task
         )

@@ -35,7 +35,9 @@ from albot_env.tasks.explore.task import ExploreConfig
 from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_env.tasks.homing.task import HomingConfig
 
-TASKS = ("Explore-v0", "Homing-v0", "PlaceRecognition-v0", "ExploreAndHome-v1")
+TASKS = ("Explore-v0", "Homing-v0", "HomingByMap-v0", "PlaceRecognition-v0", "ExploreAndHome-v1")
+JOURNEYED = ("Homing-v0", "HomingByMap-v0", "PlaceRecognition-v0")
+"""Tasks that begin with an outward journey, or tour."""
 ENVIRONMENT_MAPPERS = ("none", "odometry", "albot1", "albot1-thesis")
 LOG_MAPPERS = ("albot1", "albot1-thesis", "albot1-tracked", "odometry")
 OFFICES = "random:office:0..9?rooms=6&people=2&boxes=2&doors=2"
@@ -140,7 +142,7 @@ class Run:
 def environment_runs() -> Iterator[Run]:
     """Yield all environments, single and batched, with all mappers, and some with other sensors."""
     for task in TASKS:
-        kept: dict[str, Any] = KEPT if task in ("Homing-v0", "PlaceRecognition-v0") else {}
+        kept: dict[str, Any] = KEPT if task in JOURNEYED else {}
         if task == "Explore-v0":
             kept = {"config": ExploreConfig(claims=False)}
         for mapper in ENVIRONMENT_MAPPERS:

@@ -316,6 +316,16 @@ def test_every_task_is_played_by_its_agents_and_played_back(
     assert Path("again.png").read_bytes() == Path("episode.png").read_bytes()
 
 
+def test_a_twin_is_named_by_its_own_id(play: Play) -> None:
+    words = ("--world", "square-loop", "--outward", "1..2", "--steps", "3")
+    for done in (play("homing-revealed", *words), play("episode.mcap", "--headless")):
+        assert done.returncode == 0, done.stderr
+        assert "albot1-homing at Albot/HomingRevealed-v0 in square-loop" in done.stdout
+    assert EpisodeReader(Path("episode.mcap")).header.environment == "Albot/HomingRevealed-v0"
+    ran = play("homing-revealed", *words, "--json")
+    assert json.loads(ran.stdout)["task"] == "Albot/HomingRevealed-v0"
+
+
 def test_a_users_agent_file_is_watched_at_its_own_task(play: Play) -> None:
     Path("mine.albot").write_bytes(shipped_agents()["exploring"].read_bytes())
     done = play("--agent", "mine.albot", "--world", "square-loop", "--steps", "3", "--json")

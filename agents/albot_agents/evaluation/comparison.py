@@ -60,6 +60,18 @@ COMPARISONS = (
         figure="spl",
     ),
     Comparison(
+        task="Albot/HomingByMap-v0",
+        agents=(
+            "oracle",
+            "albot1-homing",
+            "patch-homing",
+            "map-homing",
+            "path-integration",
+            "random",
+        ),
+        figure="spl",
+    ),
+    Comparison(
         task="Albot/Explore-v0",
         agents=("gap-explorer", "nearest-frontier", "exploring", "random"),
         figure="coverage_auc",

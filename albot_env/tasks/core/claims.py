@@ -58,7 +58,8 @@ class Claims(NamedTuple):
     recognized: np.ndarray
     """(n, most) bool: rooms in which a claim was right."""
     counts: np.ndarray
-    """(n, 3) int64: number of re-entries of rooms, of right claims, and of false claims."""
+    """(n, 3) int64: number of re-entries of rooms, of right claims, and of false claims. The visit
+    during which an episode begins counts if it began with a re-entry."""
 
 
 _KEPT = (
@@ -249,6 +250,8 @@ def judge_claim(
         c.room[i], c.judged[i], c.since[i] = room, False, driven
         c.visit[i] += 1
         c.counts[i, 0] += not is_new
+    elif step == 0:  # After a journey the present visit can be claimed, so it counts too.
+        c.counts[i, 0] += c.returned[i]
     matches, reading = c.points.shape[1] > 0, c.before[i] + step
     if matches:
         c.points[i, reading, 0], c.points[i, reading, 1] = pose[0], pose[1]

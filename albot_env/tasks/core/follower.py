@@ -90,7 +90,7 @@ class EpisodeFollower:
         robots, row = self._interface.robots, self._row
         world, config = robots.world(row), robots.observation_config
         return EpisodeHeader(
-            environment=robots.environment,
+            environment=self._interface.environment,
             world=world.name,
             walls=world.walls,
             start=robots.starts[row].copy(),

@@ -79,8 +79,11 @@ class TaskInterface(Generic[Robots]):
             environment=task.environment,
         )
         precompile(equipment)
+        twin = task.environment.replace("-v", "Revealed-v")
+        self.environment = twin if equipment.reveal else task.environment
+        """Id of the environment."""
         kind = config_class(task)
-        of_task["config"] = chosen_config(of_task.get("config"), kind, task.environment)
+        of_task["config"] = chosen_config(of_task.get("config"), kind, self.environment)
         self.mapper, self.odometer = mapper, odometer
         """Names of the mapper and of the odometer's preset."""
         self.robot_config = equipment.robot
@@ -118,7 +121,7 @@ class TaskInterface(Generic[Robots]):
         Raises:
             InputError: The action is not in its space.
         """
-        actions, environment = self.robots.actions, self.robots.environment
+        actions, environment = self.robots.actions, self.environment
         if self._discrete:
             action = actions.chosen(action, None, environment)
         self.robots.act(actions.single(action, environment))
@@ -129,7 +132,7 @@ class TaskInterface(Generic[Robots]):
         Raises:
             InputError: An action is not in its space.
         """
-        form, environment = self.robots.actions, self.robots.environment
+        form, environment = self.robots.actions, self.environment
         if self._discrete:
             actions = form.chosen(actions, count, environment)
         self.robots.act(form.batch(actions, count, environment))

@@ -71,11 +71,12 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         render_mode: str | None = None,
         **settings: Unpack[Settings],
     ) -> None:
-        self._environment = environment = self.task.environment
+        environment = self.task.environment
         check_settings(settings, self.settings(), environment)
         robot = choose_robot(settings.get("robot", DEFAULT_ROBOT), environment)
         self._worlds = load_worlds(world, robot.radius)
         self._interface = interface = TaskInterface(self.task, 1, **settings)
+        self._environment = interface.environment
         self._robot: Robots = interface.robots
         self.render_mode = render_mode
         self._viewer = _open_viewer(render_mode, environment)

@@ -105,7 +105,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         threads: int | None = None,
         **settings: Unpack[Settings],
     ) -> None:
-        self._environment = environment = self.task.environment
+        environment = self.task.environment
         if render_mode not in (None, "rgb_array"):
             expected = "rgb_array or None; a batch has no window"
             raise InputError(environment, expected, str(render_mode), place="render_mode")
@@ -117,6 +117,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self._interface = interface = TaskInterface(
             self.task, num_envs, threads=threads, **settings
         )
+        self._environment = interface.environment
         self._robots: Robots = interface.robots
         self.observation_config = interface.observation_config
         """How observations are made of readings, with the sensors chosen."""

@@ -19,6 +19,7 @@ from albot_core.mappers.mapper import (
     Mapper,
     MapperBatch,
     PlaceMemory,
+    Recognition,
     RouteHome,
     require,
 )
@@ -231,24 +232,24 @@ def test_a_reading_without_a_sensor_that_it_needs_is_refused(name):
 
 def test_a_capability_is_had_or_clearly_refused(name):
     mapper = led(name)
-    kinds = RouteHome, PlaceMemory, CorrectedTrajectory, AttractorNetwork
+    kinds = RouteHome, PlaceMemory, CorrectedTrajectory, AttractorNetwork, Recognition
     expected = {
-        "albot0": (True, True, False, False),
-        "albot1": (True, True, False, False),
-        "albot1-thesis": (True, True, False, False),
-        "albot1-tracked": (True, True, False, False),
-        "association": (False, False, False, False),
-        "dp-slam": (True, False, True, False),
-        "gmapping": (True, False, True, False),
-        "graph-slam": (True, False, True, False),
-        "grid-slam": (True, False, True, False),
-        "karto": (True, False, True, False),
-        "odometry": (False, False, False, False),
-        "ratslam": (True, True, True, True),
-        "ratslam-scenes": (True, True, True, True),
-        "scan-matching": (True, False, False, False),
-        "topological": (False, True, False, False),
-        "grid": (False, False, True, False),
+        "albot0": (True, True, False, False, False),
+        "albot1": (True, True, False, False, True),
+        "albot1-thesis": (True, True, False, False, True),
+        "albot1-tracked": (True, True, False, False, True),
+        "association": (False, False, False, False, False),
+        "dp-slam": (True, False, True, False, False),
+        "gmapping": (True, False, True, False, False),
+        "graph-slam": (True, False, True, False, True),
+        "grid-slam": (True, False, True, False, False),
+        "karto": (True, False, True, False, False),
+        "odometry": (False, False, False, False, False),
+        "ratslam": (True, True, True, True, True),
+        "ratslam-scenes": (True, True, True, True, True),
+        "scan-matching": (True, False, False, False, False),
+        "topological": (False, True, False, False, False),
+        "grid": (False, False, True, False, False),
     }[mapper.spec.name]
     for kind, has in zip(kinds, expected, strict=True):
         if has:
@@ -258,6 +259,9 @@ def test_a_capability_is_had_or_clearly_refused(name):
                 require(mapper, kind)
     if isinstance(mapper, RouteHome):
         assert mapper.way_home.shape == (7,)
+    assert mapper.spec.has_matches == isinstance(mapper, Recognition)
+    if isinstance(mapper, Recognition):
+        assert mapper.place_matches(3).shape == (0, 6)
     if isinstance(mapper, PlaceMemory):
         assert all("\n" not in str(event) for event in mapper.events)
         assert mapper.place_at(len(readings()) - 1) == mapper.estimate.place

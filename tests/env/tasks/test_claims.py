@@ -24,6 +24,7 @@ from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World
 from albot_maps.same_place import NO_BARRIERS, with_barriers
+from tests.env.quick import LOOP
 
 A, B, BETWEEN = 0, 1, -1
 NOWHERE = -1
@@ -202,3 +203,20 @@ def test_what_was_seen_on_the_way_out_can_be_recognised_on_the_way_home(two_room
         assert later[1] == again[1]
         return
     pytest.fail("no journey led to the other room")
+
+
+def test_a_visit_that_began_on_the_way_out_counts_as_the_re_entry_that_it_was() -> None:
+    """So no robot rightly claims more visits than there were."""
+    outing = OutwardJourneyConfig(shortest=25.0, longest=25.0, away=0.0)
+    env = HomingEnv(LOOP, mapper="none", config=HomingConfig(outing=outing, claims=True))
+    began = set()
+    for seed in range(4):
+        _, info = env.reset(seed=seed)
+        began.add(info["re_entries"])
+        first = info["re_entries"], info["room"]
+        for _ in range(40):
+            info = env.step(np.array((0.7, 0.8, -1.0, 1.0), np.float32))[4]
+            assert info["right_claims"] <= info["re_entries"]
+        if first[0] and info["room"] == first[1]:
+            assert info["right_claims"] == 1
+    assert began == {0, 1}

@@ -313,10 +313,11 @@ def test_another_channel_or_part_is_refused_by_name(two_rooms: World) -> None:
             f"MapPatchConfig.channels: expected some of {', '.join(given_channels)}, which the "
             f"mapper {mapper} can give, found {channel}"
         )
-    for part in ("place_graph", "matches"):
-        config = ExploreConfig(observations=ObservationConfig(parts=(part,)))
-        with pytest.raises(InputError, match=rf"the mapper odometry can give.*found {part}"):
-            ExploreEnv(two_rooms, mapper="odometry", config=config)
+    for mapper in ("odometry", "grid-slam", "scan-matching"):
+        for part in ("place_graph", "matches"):
+            config = ExploreConfig(observations=ObservationConfig(parts=(part,)))
+            with pytest.raises(InputError, match=rf"the mapper {mapper} can give.*found {part}"):
+                ExploreEnv(two_rooms, mapper=mapper, config=config)
 
 
 @pytest.mark.parametrize(

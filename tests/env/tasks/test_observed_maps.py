@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from albot_core.geometry.poses import compose, relative
+from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.mappers.registry import installed_mappers, make_mappers, mapper_names, mapper_spec
 from albot_core.mappers.result_checks import is_from_outside
+from albot_core.robot import CONTROL_STEP
 from albot_core.sensing.reading import LaserGeometry, Readings
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
@@ -22,6 +23,7 @@ from albot_env.tasks.core.parts.map_patch import (
     MapPatchConfig,
     channels_of,
 )
+from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.explore.env import ExploreEnv, ExploreVectorEnv
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_env.tasks.homing.env import HomingEnv, HomingVectorEnv
@@ -153,3 +155,66 @@ def test_the_trail_of_the_outward_journey_is_seen_from_the_first_step_on(mapper:
         rows, *_ = batch.step(np.stack((action, action)))
         np.testing.assert_array_equal(rows[0], seen)
     batch.close()
+
+
+def steered(pose: np.ndarray, goal: tuple[float, float]) -> np.ndarray:
+    """The action of a robot that drives to a goal."""
+    x, y = np.array(goal) - pose[:2]
+    turn = float(wrap_angle(np.arctan2(y, x) - pose[2]))
+    return np.array((max(0.0, 1.0 - abs(turn)), np.clip(2.0 * turn, -1, 1), -1.0), np.float32)
+
+
+@pytest.mark.parametrize(
+    ("mapper", "settings"),
+    [("graph-slam", {}), ("ratslam", {}), ("ratslam-scenes", {"scenes": "ideal"})],
+)
+def test_matches_of_a_second_lap_are_where_the_robot_was_on_the_first(
+    mapper: str, settings: dict[str, str]
+) -> None:
+    """Alone as in a batch, and branched; on the first lap there are none."""
+    if mapper not in installed_mappers():
+        pytest.skip(f"{mapper} needs an extra that is not installed")
+    config = ExploreConfig(observations=ObservationConfig(parts=("home", "matches")))
+    settings = {"mapper": mapper, "config": config, **settings}
+    env, batch = ExploreEnv(LOOP, **settings), ExploreVectorEnv(2, LOOP, **settings)
+    seen, info = env.reset(seed=3)
+    rows, _ = batch.reset(seed=[3, 4])
+    corners = [(1.25, 5.75), (5.75, 5.75), (5.75, 1.25), (1.25, 1.25)] * 2
+    poses, ways, errors = [info["pose"]], [0.0], [0.0]
+    actions, observations, matched = [], [], 0
+    state = None
+    while corners:
+        if np.hypot(*(info["pose"][:2] - corners[0])) < 0.3:
+            corners.pop(0)
+            continue
+        if len(corners) == 2 and state is None:
+            state, actions, observations = env.get_state(), [], []
+        actions.append(steered(info["pose"], corners[0]))
+        seen, *_, info = env.step(actions[-1])
+        rows, *_ = batch.step(np.stack((actions[-1], actions[-1])))
+        np.testing.assert_array_equal(rows[0], seen)
+        observations.append(seen)
+        poses.append(info["pose"])
+        ways.append(info["path_length"])
+        errors.append(info["position_error"])
+        matches = env.observation_config.decode(MATCHES, seen)
+        if not len(matches.ages):
+            continue
+        matched += 1
+        then = len(poses) - 1 - round(matches.ages[0] / CONTROL_STEP)
+        away = relative(poses[-1], poses[then])[:2]
+        assert ways[-1] - ways[then] > 15.0
+        # Both poses are as wrong as the mapper's at most, of which one is seen in the other.
+        assert np.hypot(*(matches.points[0] - away)) < 2 * max(errors) + 0.02
+        assert np.hypot(*away) < 1.6
+        assert (matches.scores > 0.4).all() and (matches.scores <= 1).all()
+        assert (matches.ambiguities <= matches.probabilities).all()
+    assert ways[-1] > 35.0
+    assert matched > 0.3 * len(poses)
+    batch.close()
+    other = ExploreEnv(LOOP, **settings)
+    other.reset(seed=9)
+    assert state is not None
+    other.set_state(state)
+    for action, wanted in zip(actions, observations, strict=True):
+        np.testing.assert_array_equal(other.step(action)[0], wanted)

@@ -58,6 +58,7 @@ def test_a_twin_shows_the_truth_and_is_the_task_otherwise(twin: str) -> None:
         assert home == pytest.approx(expected, abs=1e-4)
         if step == 12:
             state = env.unwrapped.get_state()  # type: ignore[attr-defined]
+            assert state.environment == batch.get_state(0).environment == twin  # type: ignore[attr-defined]
         action = drawn_actions(of(twin), rng)
         seen, reward, *_, info = env.step(action)
         bare, same, *_ = plain.step(action)

@@ -23,7 +23,7 @@ AGES = make_log_scale(30.0, 3600.0)
 
 
 class ObservedMatches(NamedTuple):
-    """The best matches of the present place, the nearest first; see `PlaceMatches`."""
+    """The best matches of the present place, the best first; see `PlaceMatches`."""
 
     scores: Float64[np.ndarray, "matches"]
     """How much of what is seen now was seen there, from 0 to 1."""
@@ -54,12 +54,12 @@ MATCHES = ObservationPart(
     name="matches",
     numbers="3 × 8",
     meaning=(
-        "on request, with `albot1` and its variants: one row for each of the three earlier stays "
-        "in the present place that came nearest to the robot: 1, score (how much of what is in "
-        "view the place is known to have), probability that the place is the one it is taken for, "
-        "ambiguity (the highest probability of another place), each from -1 to 1, direction and "
-        "distance of where the reading was taken, and its age, logarithmic to an hour; without a "
-        "match -1, 0, 0, …"
+        "on request, with mappers that say how sure they are of places: one row for each of the "
+        "three best earlier readings in the present place: 1, score (how much of what is in view "
+        "is known from there), probability that the place is the one it is taken for, ambiguity "
+        "(the highest probability of another place), each from -1 to 1, direction and distance of "
+        "where the reading was taken, and its age, logarithmic to an hour; without a match -1, 0, "
+        "0, …"
     ),
     shape=lambda sizes: (sizes.matches, COLUMNS),
     needs=frozenset((Need.MAP,)),

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Points, Poses
-from albot_core.mappers.mapper import POINT, TRAVEL, Estimate, WayHome
+from albot_core.mappers.mapper import POINT, TRAVEL, Estimate, PlaceMatches, WayHome
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.events import RELOCALISED, SEEDED, Event, EventLog
@@ -37,7 +37,8 @@ class RatSlam(StoredMapper):
     """Pose cells, local views, and a map of experiences that corrects itself.
 
     It knows a route home (`RouteHome`), remembers places (`PlaceMemory`), which are its
-    experiences, and corrects its earlier poses (`CorrectedTrajectory`). It keeps no surfaces.
+    experiences, says how sure it is of them (`Recognition`), and corrects its earlier poses
+    (`CorrectedTrajectory`). It keeps no surfaces.
 
     Args:
         config: All parameters.
@@ -175,6 +176,23 @@ class RatSlam(StoredMapper):
     def place_at(self, reading: int) -> int:
         """Return the id of the experience that was active at a reading."""
         return int(self._history.rows("place")[reading])
+
+    def place_matches(self, most: int) -> PlaceMatches:
+        """Return the active experiences of earlier visits, the present one first.
+
+        The score is that of the view; a scene is recognised or not, and scores 1. The probability
+        is the packet's share of all activity, the ambiguity that of the next packet, which
+        represents another pose. An experience's pose is that of the reading at which it was made.
+        """
+        position = self._position
+        chosen = position.recognised[:most]
+        places = np.array(position.active, np.int64)[chosen]
+        matches = np.empty((len(chosen), 6))
+        matches[:, 0] = np.array(position.scores)[chosen]
+        matches[:, 1:3] = self._cells.shares()
+        matches[:, 3:5] = position.map.poses[places, :2]
+        matches[:, 5] = position.map.experiences["reading"][places]
+        return matches
 
     def corrected_poses(self) -> Poses:
         """Return the pose at every reading since the reset, as estimated now, (readings, 3)."""

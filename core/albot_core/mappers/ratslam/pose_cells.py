@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.geometry.types import Pose
@@ -142,6 +142,24 @@ class PoseCells(Stored):
     def top(self, share: float) -> Int64[np.ndarray, "some"]:
         """Return the indices in `cells` of those with at least this share of the top activity."""
         return np.flatnonzero(self.activity >= share * self.activity.max())
+
+    def shares(self) -> tuple[float, float]:
+        """Return the shares of all activity of the largest packet and of the next one."""
+        rest, found = self.activity.copy(), []
+        for _ in range(2):
+            is_near = self._is_near(self.cells[np.argmax(rest)])
+            found.append(min(float(rest[is_near].sum()), 1.0))
+            rest[is_near] = 0.0
+        return found[0], found[1]
+
+    def _is_near(self, cell: int) -> Bool[np.ndarray, "active"]:
+        """Return which active cells are in the window of a packet round a cell."""
+        columns, rows, headings = self.shape
+        is_near = np.ones(len(self.cells), np.bool_)
+        for stride, length in ((1, columns), (columns, rows), (columns * rows, headings)):
+            apart = np.abs(self.cells // stride % length - cell // stride % length)
+            is_near &= np.minimum(apart, length - apart) <= _WINDOW
+        return is_near
 
     def _sizes(self) -> dict[str, Any]:
         return {"cells": math.prod(self.shape), "sides": np.array((*self.shape, math.inf))}

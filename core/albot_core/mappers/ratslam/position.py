@@ -54,6 +54,16 @@ class Position(Stored):
             Field("since", "3", at="since"),
             Field("here", "3", at="here"),
         ),
+        Field(
+            "active.place",
+            "active_places",
+            int,
+            at="active",
+            least=0,
+            below="experiences",
+            once=True,
+        ),
+        Field("active.score", "active_places", at="scores", least=0, most=1),
         parts=("_bias", "map", "_verification", "visits"),
     )
 
@@ -85,6 +95,11 @@ class Position(Stored):
         self.place = self.matched = -1
         """The present experience, and the reading at which a recognised one was made; -1 for
         none."""
+        self.active: list[int] = []
+        """The present experience, if it is seen, and all that are active; the most energetic
+        first."""
+        self.scores: list[float] = []
+        """Match scores of the views of `active`, from 0 to 1."""
         self.reading = 0
         """Number of readings before this one."""
         self.iteration = self._left_in = self.updates = self.version = 0
@@ -150,6 +165,19 @@ class Position(Stored):
         self._left_at, self._left_in = self.stamp, self.iteration
         self.visits.append(place=experience)
         self.version += 1
+
+    @property
+    def recognised(self) -> list[int]:
+        """Indices in `active` of the experiences that are known from before, the present one first.
+
+        None if the present one is not recognised.
+        """
+        if self.matched < 0:
+            return []
+        since = self.way - self.map.experiences["way"][self.active]
+        is_earlier = since >= self._config.experiences.min_revisit_distance
+        others = [k for k, place in enumerate(self.active) if is_earlier[k] and place != self.place]
+        return [*(k for k, place in enumerate(self.active) if place == self.place), *others]
 
     def check(self, experience: int, offset: Motion) -> None:
         """Verify a known experience that lies far from where the robot is believed to be.

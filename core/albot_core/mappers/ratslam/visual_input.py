@@ -113,6 +113,7 @@ class SceneInput(Stored):
             offset = x, 0.0 if self._comes_into_sight else y, turn
             position.check(found, offset)
             position.enter(found, *position.smoothed(found, offset), is_new=False)
+        position.active, position.scores = [position.place], [1.0]  # Eq. (8): E_V is 1.
 
 
 class LaserInput(Stored):
@@ -221,6 +222,7 @@ class LaserInput(Stored):
         active, most = -1, 0.0
         offset: Motion = (0.0, 0.0, 0.0)
         sees_place = False
+        energies: list[tuple[float, int, float]] = []
         for seen in self._matches:
             if seen.score < config.min_score:
                 continue
@@ -229,11 +231,15 @@ class LaserInput(Stored):
             off = math.hypot(x - seen.offset[0], y - seen.offset[1]) / config.radius
             turned = abs(nearest_turn(turn - seen.offset[2])) / config.turn
             away = math.hypot(*seen.offset[:2]) / config.radius
-            if max(off, turned, away) >= 1.0:
-                continue
-            energy = seen.score * ((1.0 - away) + (1.0 - turned))  # Eq. (9).
+            is_in_zone = max(off, turned, away) < 1.0
+            energy = seen.score * ((1.0 - away) + (1.0 - turned)) if is_in_zone else 0.0  # Eq. (9).
+            if energy > 0.0 or seen.view == place:
+                energies.append((energy, seen.view, seen.score))
             if energy > most:
                 active, most, offset = seen.view, energy, seen.offset
+        energies.sort(reverse=True)
+        position.active = [view for _, view, _ in energies]
+        position.scores = [min(score, 1.0) for _, _, score in energies]
         if active == place and active >= 0:
             table["way"][active] = position.way
             return

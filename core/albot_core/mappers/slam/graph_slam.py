@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int32
+from scipy.special import chdtrc
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_points
 from albot_core.geometry.types import Pose, Poses
-from albot_core.mappers.mapper import Estimate, WayHome
+from albot_core.mappers.mapper import Estimate, PlaceMatches, WayHome
 from albot_core.mappers.schema import Arrays, Field, Pack, Schema, Sizes, refuse_unless
 from albot_core.mappers.slam.graph_slam_config import GraphSlamConfig
 from albot_core.mappers.slam.grid import LogOddsGrid
@@ -51,6 +52,21 @@ class Keyframe(NamedTuple):
     """Index of its reading."""
 
 
+class Closure(NamedTuple):
+    """A loop that was closed from the latest keyframe."""
+
+    keyframe: int
+    """Index of the earlier keyframe."""
+    pose: Pose
+    """Where the match puts the robot (map)."""
+    distance: float
+    """Distance of the robot there from the earlier keyframe (m)."""
+    response: float
+    """Mean likelihood of the points at that pose, from 0 to 1."""
+    probability: float
+    """Probability that a true closure is at least this far from the estimate: chi-square test."""
+
+
 def _check_firsts(state: Arrays, sizes: Sizes) -> None:
     """Raise InputError unless keyframes begin with the first reading."""
     for name in ("readings.followed", "keyframes.reading"):
@@ -71,7 +87,6 @@ class GraphSlam(StoredMapper):
         Pack(
             "counts",
             int,
-            Field("matched", least=-1, below="readings"),
             Field("version", least=0),
             Field("waiting", least=0),
             Field("is_localised", "", bool),
@@ -85,6 +100,8 @@ class GraphSlam(StoredMapper):
         Field(
             "keyframes.reading", "keyframes", int, at=None, least=0, below="readings", rising=True
         ),
+        Field("matches.keyframe", "matches", int, at="_matched", least=0, below="keyframes"),
+        Field("matches.shares", "matches 3", at="_shares", least=0, most=1),
         parts=("graph", "_local"),
         rules=(_check_firsts, check_laser),
     )
@@ -102,7 +119,7 @@ class GraphSlam(StoredMapper):
             pose=self._pose.copy(),
             home=np.zeros(3),
             localised=self._is_localised,
-            matched_reading=None if self._matched < 0 else self._matched,
+            matched_reading=self._keyframes[self._matched[0]].reading if self._matched else None,
             updates=len(self._keyframes),
             map_version=self._version,
         )
@@ -116,7 +133,9 @@ class GraphSlam(StoredMapper):
         self._pose = np.zeros(3)
         self._offsets: list[Pose] = []  # Of each reading: its pose in its keyframe's frame.
         self._followed: list[int] = []  # Of each reading: the index of its keyframe.
-        self._matched, self._version, self._waiting = -1, 0, 0
+        self._version = self._waiting = 0
+        self._matched: list[int] = []  # The keyframes at the latest one's place.
+        self._shares: list[Any] = []  # Of each: response, probability and ambiguity.
         self._is_localised, self._is_surprised = True, False
         self._drawn: tuple[int, int, LogOddsGrid] | None = None
 
@@ -140,7 +159,7 @@ class GraphSlam(StoredMapper):
             keyframe = Keyframe(laser, points, len(self._offsets))
             self._add_node(keyframe, match)  # Steps 1 and 2.
             self._local.keep(self._pose, points.surface)
-            self._matched = self._close_loops()  # Step 3.
+            self._match_places(self._close_loops())  # Step 3.
             if self._is_surprised or self._waiting >= self._most_waiting:
                 self._optimise()  # Step 4.
         self._followed.append(len(self._keyframes) - 1)
@@ -173,24 +192,23 @@ class GraphSlam(StoredMapper):
         own = turned.T @ information @ turned + 1e-6 * np.eye(3)
         return invert_symmetric(invert_symmetric(own) + floors)
 
-    def _close_loops(self) -> int:
+    def _close_loops(self) -> list[Closure]:
         """Compare the latest keyframe with earlier ones nearby; add an edge for each match.
 
         Returns:
-            The reading of the earlier keyframe if a loop was closed with it and the robot is at its
-            place (`ClosureConfig.same_place`); -1 otherwise.
+            The loops that were closed, with the nearest keyframe by the estimate first.
         """
+        closed: list[Closure] = []
         config, graph = self.config.closures, self.graph
         latest = len(self._keyframes) - 1
         last = latest - config.behind
         if last < 0:
-            return -1
+            return closed
         far, last_edges = graph.spreads(latest)
         away = np.hypot(*(graph.poses[: last + 1] - graph.poses[latest])[:, :2].T)
         spread = np.minimum(np.sqrt(far[: last + 1]), config.most_reach / config.deviations)
         distance = away - config.deviations * spread
         open_ones = distance < config.near
-        matched = -1
         scan: ScanPoints | None = None
         for _ in range(config.tries):
             if not open_ones.any():
@@ -200,11 +218,36 @@ class GraphSlam(StoredMapper):
             low, high = max(0, other - config.chain), min(last, other + config.chain)
             open_ones[max(0, low - config.chain) : high + config.chain + 1] = False
             scan = self._latest_together() if scan is None else scan
-            if self._compare(latest, other, range(low, high + 1), scan, last_edges):
-                x, y, _ = graph.motions[-1]
-                if matched < 0 and math.hypot(x, y) <= config.same_place:
-                    matched = self._keyframes[other].reading
-        return matched
+            closure = self._compare(latest, other, range(low, high + 1), scan, last_edges)
+            closed += [] if closure is None else [closure]
+        return closed
+
+    def _match_places(self, closed: list[Closure]) -> None:
+        """Remember the keyframes of closures at whose place the robot is, and how sure that is."""
+        near = self.config.closures.same_place
+        here = [closure for closure in closed if closure.distance <= near]
+        self._matched = [closure.keyframe for closure in here]
+        self._shares = []
+        for closure in here:
+            rivals = (
+                other.probability
+                for other in closed
+                if math.hypot(*(other.pose - closure.pose)[:2]) > near
+            )
+            self._shares.append((closure.response, closure.probability, max(rivals, default=0.0)))
+
+    def place_matches(self, most: int) -> PlaceMatches:
+        """Return the earlier keyframes at the latest one's place with which loops were closed.
+
+        The score is the mean likelihood of the points at the earlier keyframe's surfaces. The
+        probability is that of a chi-square test: that a true closure is at least this far from the
+        estimate before it. The ambiguity is that of another closure that puts the robot elsewhere;
+        by default (`ClosureConfig.tries`) no second part of the path is tried, and it is 0.
+        """
+        chosen = self._matched[:most]
+        readings = [self._keyframes[number].reading for number in chosen]
+        shares = np.reshape(self._shares[:most], (-1, 3))
+        return np.column_stack((shares, self.graph.poses[chosen, :2], readings))
 
     def _latest_together(self) -> ScanPoints:
         """Return the points of the latest keyframes as one scan, in the frame of the last."""
@@ -226,8 +269,8 @@ class GraphSlam(StoredMapper):
         chain: range,
         scan: ScanPoints,
         last_edges: Int32[np.ndarray, "keyframes"],
-    ) -> bool:
-        """Match the latest keyframes with earlier ones; return whether an edge was added."""
+    ) -> Closure | None:
+        """Match the latest keyframes with earlier ones; return the closure if an edge was added."""
         config, graph = self.config.closures, self.graph
         guess = graph.poses[latest].copy()
         self._chain.clear(guess[:2])
@@ -245,10 +288,10 @@ class GraphSlam(StoredMapper):
         least = config.unrefined * needed * len(scan.points)
         best = correlate_above(least, self._chain, scan.points, guess, window, prior)
         if best is None:
-            return False
+            return None
         found = refine(self._chain, scan.points, scan.normals, best.pose, guess, 0.0 * prior)
         if found.response < needed:
-            return False
+            return None
         correlated = self.config.matching.correlated * self.config.closures.together
         information = self._edge_information(found.information / correlated, found.pose)
         motion = relative(graph.poses[other], found.pose)
@@ -256,7 +299,16 @@ class GraphSlam(StoredMapper):
         self._waiting += 1
         off = relative(found.pose, guess)
         self._is_surprised |= bool(off @ information @ off > self.config.surprise**2)
-        return True
+        # The estimate's errors along x and y are taken to be equal.
+        errors = np.diag((0.5 * spread**2, 0.5 * spread**2, turn**2))
+        excess = off @ invert_symmetric(errors + invert_symmetric(information)) @ off
+        return Closure(
+            keyframe=other,
+            pose=found.pose,
+            distance=math.hypot(motion[0], motion[1]),
+            response=min(float(found.response), 1.0),
+            probability=float(chdtrc(3, excess)),
+        )
 
     @property
     def _most_waiting(self) -> int:
@@ -329,7 +381,7 @@ class GraphSlam(StoredMapper):
     def _stored(self) -> dict[str, Any]:
         scans = [keyframe.scan for keyframe in self._keyframes]
         laser, ranges = laser_numbers(scans)
-        counts = self._matched, self._version, self._waiting, self._is_localised, ranges.shape[1]
+        counts = self._version, self._waiting, self._is_localised, ranges.shape[1]
         return {
             "counts": counts,
             "laser": laser,
@@ -344,5 +396,5 @@ class GraphSlam(StoredMapper):
         ):
             scan = LaserScan(ranges=ranges, geometry=laser)
             self._keyframes.append(Keyframe(scan, scan_points(scan, self.config.matching), reading))
-        self._matched, self._version, self._waiting, localised, _ = state["counts"].tolist()
+        self._version, self._waiting, localised, _ = state["counts"].tolist()
         self._is_localised = bool(localised)

@@ -95,6 +95,28 @@ def test_what_it_recognises_was_there(truth):
     assert np.mean(np.array(claims) < 1.5) > 0.98
 
 
+def test_matches_are_the_active_experiences_of_earlier_visits(truth):
+    mapper, restored = scenes(), scenes()
+    stream = readings(truth[: len(truth) // 2], np.radians(1.5), np.random.default_rng(0), 0.05)
+    matched = 0
+    for k, reading in enumerate(stream):
+        mapper.update(reading)
+        matches, estimate = mapper.place_matches(3), mapper.estimate
+        if estimate.matched_reading is None:
+            assert not len(matches)
+            continue
+        assert matches[0, 5] == estimate.matched_reading
+        np.testing.assert_array_equal(matches[:, 0], 1.0)
+        assert matches[0, 1] == pytest.approx(mapper.packet.share)
+        assert (matches[:, 1] + matches[:, 2] <= 1.0 + 1e-9).all()
+        made = mapper.corrected_poses()[estimate.matched_reading]
+        np.testing.assert_allclose(matches[0, 3:5], made[:2])
+        if (matched := matched + 1) % 50 == 1:
+            restored.restore(mapper.state())
+            np.testing.assert_array_equal(restored.place_matches(3), matches, err_msg=str(k))
+    assert matched > 100
+
+
 def test_a_wrong_scene_now_and_then_moves_nothing(truth):
     right, misled = scenes(), scenes()
     lead(right, truth, 0.0)

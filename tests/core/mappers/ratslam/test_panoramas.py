@@ -122,16 +122,23 @@ def test_the_odometer_is_set_right_by_what_is_seen():
 def test_a_corridor_driven_both_ways_is_one_representation(scale, bias):
     """The laser sees 180°: on the way back it shows the other half of each place."""
     truth, mapper = there_and_back(), RatSlam(RatSlamConfig())
-    counts, wrong = [], 0
+    counts, wrong, numbers = [], 0, set()
     for k, reading in enumerate(drive(CORRIDOR, truth, np.random.default_rng(0), scale, bias)):
         mapper.update(reading)
         counts.append(mapper.experiences.count)
         matched = mapper.estimate.matched_reading
         wrong += matched is not None and np.hypot(*(truth[k] - truth[matched])[:2]) > 1.5
+        matches = mapper.place_matches(3)
+        assert matches[:1, 5].tolist() == [] if matched is None else [matched]
+        for there in truth[matches[:, 5].astype(int)]:
+            assert np.hypot(*(truth[k] - there)[:2]) < 1.7
+        assert ((matches[:, 0] >= mapper.config.experiences.min_score) & (matches[:, 0] <= 1)).all()
+        numbers.add(len(matches))
     middle = len(truth) // 2
     assert counts[middle] >= 8
     assert counts[-1] <= counts[middle] + 2
     assert wrong == 0
+    assert {0, 1, 2} <= numbers
     assert mapper.estimate.matched_reading is not None
     assert truth[mapper.estimate.matched_reading, 0] < 1.0
     # Home is the first experience, and the way there was measured twice.

@@ -85,6 +85,21 @@ def test_activity_settles_in_one_packet():
     np.testing.assert_allclose(cells.offset(64, 64, 0), 0, atol=1e-9)
 
 
+def test_the_next_packet_is_what_is_active_elsewhere():
+    """Two packets across the edges of the network, and a cell at the rim of each one's window."""
+    cells = PoseCells(SMALL)
+    columns, rows, headings = cells.shape
+
+    def cell(x: int, y: int, heading: int) -> int:
+        return (heading % headings * rows + y % rows) * columns + x % columns
+
+    assert cells.shares() == (1.0, 0.0)
+    places = [(0, 0, 0), (-3, 3, -3), (10, -1, 0), (10, 2, 3), (10, -5, 0)]
+    cells.cells = np.array([cell(*place) for place in places])
+    cells.activity = np.array((0.4, 0.2, 0.25, 0.1, 0.05))
+    assert cells.shares() == pytest.approx((0.6, 0.35))
+
+
 @pytest.mark.parametrize("heading", [0.0, 0.5, 2.0, -2.4])
 def test_path_integration_keeps_direction_and_way(heading):
     cells = PoseCells(PoseCellConfig())

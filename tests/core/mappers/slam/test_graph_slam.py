@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 
@@ -15,7 +16,7 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.mappers import registry
 from albot_core.mappers.mapper import POINT, TRAVEL
 from albot_core.mappers.registry import make_mapper
-from albot_core.mappers.slam.graph_slam import GraphSlam
+from albot_core.mappers.slam.graph_slam import Closure, GraphSlam
 from albot_core.mappers.slam.graph_slam_config import ClosureConfig, GraphSlamConfig
 from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
 from albot_core.maps.layers import OccupancyGridLayer
@@ -96,6 +97,71 @@ def test_the_loop_is_closed_and_all_poses_are_corrected(driven):
     # It knows that it is where it was a lap ago.
     there = POSES[estimate.matched_reading]
     assert np.hypot(*(there - POSES[-1])[:2]) < 0.6
+
+
+def test_a_match_is_a_closure_at_the_same_place(driven):
+    matches = driven.place_matches(3)
+    assert matches.shape == (1, 6)
+    score, probability, ambiguity, *place, reading = matches[0]
+    assert reading == driven.estimate.matched_reading
+    assert score > ClosureConfig().response
+    assert 0.05 < probability <= 1.0
+    assert ambiguity == 0.0
+    there = relative(POSES[0], POSES[int(reading)])
+    assert np.hypot(*(there[:2] - place)) < 0.1
+    resumed = GraphSlam()
+    resumed.restore(driven.state())
+    np.testing.assert_array_equal(resumed.place_matches(3), matches)
+
+
+def test_the_probability_is_that_of_a_chi_square_test(monkeypatch):
+    """Of errors of three dimensions, the estimate's and the closure's, in closed form."""
+    spreads, deviations = [], PoseGraph.deviations
+    monkeypatch.setattr(
+        PoseGraph, "deviations", lambda *a: spreads.append(deviations(*a)) or spreads[-1]
+    )
+    mapper, rng = (
+        GraphSlam(GraphSlamConfig(surprise=1e9, most_waiting=10**6)),
+        np.random.default_rng(0),
+    )
+    probabilities = []
+    for k, pose in enumerate(POSES):
+        motion = relative(POSES[max(k - 1, 0)], pose) * rng.uniform(0.9, 1.1, 3)
+        mapper.update(reading_from(pose, motion, RING))
+        if not len(matches := mapper.place_matches(1)):
+            continue
+        graph, (spread, turn) = mapper.graph, spreads[-1]
+        found = compose(graph.poses[graph.ends[-1][0]], graph.motions[-1])
+        off = relative(found, graph.poses[-1])
+        estimate = np.diag((spread**2 / 2, spread**2 / 2, turn**2))
+        errors = estimate + np.linalg.inv(graph.information[-1])
+        x = float(off @ np.linalg.solve(errors, off))
+        tail = math.erfc(math.sqrt(x / 2)) + math.sqrt(2 * x / math.pi) * math.exp(-x / 2)
+        assert matches[0, 1] == pytest.approx(tail)
+        probabilities.append(tail)
+    assert len(probabilities) > 20
+    assert np.quantile(probabilities, 0.05) > 0.05
+
+
+def test_the_ambiguity_is_that_of_another_closure_that_puts_the_robot_elsewhere(driven):
+    mapper = GraphSlam()
+    mapper.restore(driven.state())
+    here, beside, away = np.zeros(3), np.array((0.3, 0.0, 2.0)), np.array((4.0, 0.0, 0.0))
+    mapper._match_places(
+        [
+            Closure(keyframe=4, pose=here, distance=0.2, response=0.9, probability=0.8),
+            Closure(keyframe=9, pose=beside, distance=0.4, response=0.8, probability=0.7),
+            Closure(keyframe=12, pose=away, distance=2.0, response=0.95, probability=0.25),
+            Closure(keyframe=15, pose=away, distance=0.1, response=0.7, probability=0.1),
+        ]
+    )
+    matches = mapper.place_matches(3)
+    keyframes = driven.state()["keyframes.reading"]
+    assert matches[:, 5].tolist() == keyframes[[4, 9, 15]].tolist()
+    np.testing.assert_array_equal(
+        matches[:, :3], ((0.9, 0.8, 0.25), (0.8, 0.7, 0.25), (0.7, 0.1, 0.8))
+    )
+    assert len(mapper.place_matches(1)) == 1
 
 
 def test_a_loop_closed_from_another_place_matches_no_reading():
@@ -250,8 +316,10 @@ def test_another_laser_is_refused():
 @pytest.mark.parametrize(
     ("name", "damage", "message"),
     [
-        ("counts", lambda a: a * (0, 1, 1, 1, 1) - (2, 0, 0, 0, 0), "counts: expected matched"),
-        ("counts", lambda a: a + np.array((0, 0, 0, 0, 1)), "beams"),
+        ("counts", lambda a: a * (0, 1, 1, 1) - (2, 0, 0, 0), "counts: expected version"),
+        ("counts", lambda a: a + np.array((0, 0, 0, 1)), "beams"),
+        ("matches.keyframe", lambda a: a + 1000, "matches.keyframe"),
+        ("matches.shares", lambda a: a + 1.0, "matches.shares"),
         ("edges.ends", lambda a: a + 1000, "edges.ends"),
         ("edges.ends", lambda a: a[:, ::-1], "growing pairs"),
         ("edges.information", lambda a: -a, "positive definite"),
