@@ -117,10 +117,8 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
 
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
-    agents = list(dict.fromkeys(row["agent"] for row in rows))
-    for axes, name, title in zip(
-        panels, ("success", "spl"), ("share of homes declared truly", "SPL"), strict=True
-    ):
+    agents, markers = list(dict.fromkeys(row["agent"] for row in rows)), "so^vDP"
+    for axes, name, title in zip(panels, ("success", "spl"), ("success", "SPL"), strict=True):
         for k, agent in enumerate(agents):
             its = [row for row in rows if row["agent"] == agent]
             middle = np.array([row[name] for row in its])
@@ -128,7 +126,9 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
             # Beside each other, so that no interval hides another.
             lengths = np.array([row["length"] for row in its]) * 1.03 ** (k - len(agents) / 2)
             spread = np.maximum(0.0, (middle - low, high - middle))
-            axes.errorbar(lengths, middle, spread, fmt="o-", ms=4, capsize=2, label=agent)
+            axes.errorbar(
+                lengths, middle, spread, fmt=f"{markers[k]}-", ms=5, capsize=2, label=agent
+            )
         axes.set_xscale("log")
         lengths = sorted({row["length"] for row in rows})
         axes.set_xticks(lengths, [f"{length:g}" for length in lengths])

@@ -47,6 +47,11 @@ class Lesson:
     """Number of steps after which episodes end."""
     config: Mapping[str, Any] = field(default_factory=dict)
     """The task's configuration."""
+    robots: int = 8
+    """Number of robots that drive at the same time in training. Long episodes need more, or too few
+    are seen."""
+    updates: int = 400
+    """Number of updates of the weights after each round."""
     journeys: Mapping[str, Any] = field(default_factory=dict)
     """The number of journeys, where there are any."""
 
@@ -57,6 +62,8 @@ LESSONS = {
     "Albot/Explore-v0": Lesson(
         teacher="gap-explorer",
         limit=900,
+        robots=32,
+        updates=800,
         config={
             "observations": {
                 "parts": ["laser", "motion", "heading", "home", "coverage", "frontier", "matches"]
@@ -90,6 +97,8 @@ LESSONS = {
     "Albot/ExploreAndHome-v1": Lesson(
         teacher="round-trip",
         limit=1200,
+        robots=32,
+        updates=800,
         config={
             "shortest": 90.0,
             "longest": 120.0,
@@ -115,14 +124,10 @@ class Plan:
     train: range = range(2000, 2032)
     test: range = range(3000, 3016)
     """Seeds of the worlds in which the networks learn, and of those in which they are measured."""
-    robots: int = 8
-    """Number of robots that drive at the same time in training."""
     steps: int = 300
     """Steps of each robot in a round."""
     rounds: tuple[int, ...] = (1, 2, 4, 8)
     """Numbers of rounds after which the network is measured."""
-    updates: int = 400
-    """Number of updates of the weights after each round."""
     taught: float = 0.25
     """Share of the robots that the teacher drives, after the first round."""
     seeds: int = 3
@@ -176,7 +181,7 @@ class Classroom:
         train, test = each[: len(plan.train)], each[len(plan.train) :]
         self._test_worlds = test
         self._train = make_batch(
-            task, self.lesson, WorldSet(tuple(map(load_world, train))), plan.robots
+            task, self.lesson, WorldSet(tuple(map(load_world, train))), self.lesson.robots
         )
         self._test = make_batch(task, self.lesson, test, len(test))
         single = gymnasium.make(task, world=train[0], mapper="albot1", config=self.lesson.config)
@@ -193,22 +198,22 @@ class Classroom:
         """Let a network learn; yield the number of samples and the network where it is measured."""
         from albot_agents.training.imitation import Imitator  # slow to load
 
-        plan = self.plan
+        plan, lesson = self.plan, self.lesson
         imitator = Imitator(self._configs.observations.shapes, len(self.names), seed)
         yield 0, imitator
-        teachers, robots = self.teachers(plan.robots), np.arange(plan.robots)
+        teachers, robots = self.teachers(lesson.robots), np.arange(lesson.robots)
         observations, _ = self._train.reset(seed=1000 * seed)
         for done in range(1, plan.rounds[-1] + 1):
-            taught = robots < (plan.robots if done == 1 else plan.taught * plan.robots)
+            taught = robots < lesson.robots * (1.0 if done == 1 else plan.taught)
             for _ in range(plan.steps):
                 wanted = teachers.act(observations, robots)
                 imitator.remember(observations, wanted)
                 actions = np.where(taught[:, None], wanted, imitator.act(observations))
                 observations, _, terminated, truncated, _ = self._train.step(actions)
                 teachers.reset(terminated | truncated)
-            imitator.learn(plan.updates)
+            imitator.learn(lesson.updates)
             if done in plan.rounds:
-                yield done * plan.steps * plan.robots, imitator
+                yield done * plan.steps * lesson.robots, imitator
 
     def measure(self, policy: Policy) -> list[Score]:
         """Let a policy act in one episode of each test world."""

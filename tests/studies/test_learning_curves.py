@@ -17,10 +17,8 @@ TINY = Plan(
     worlds="random:office?rooms=2",
     train=range(5, 7),
     test=range(8, 10),
-    robots=2,
     steps=5,
     rounds=(1, 2),
-    updates=2,
     seeds=1,
 )
 
@@ -28,7 +26,7 @@ TINY = Plan(
 @pytest.mark.parametrize("task", LESSONS)
 def test_each_lesson_is_taught_and_measured(task: str, monkeypatch) -> None:
     pytest.importorskip("torch")
-    lesson = dataclasses.replace(LESSONS[task], limit=30)
+    lesson = dataclasses.replace(LESSONS[task], limit=30, robots=2, updates=2)
     monkeypatch.setitem(LESSONS, task, lesson)
     room = Classroom(task, TINY)
     samples = []
