@@ -338,7 +338,7 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
 
     tasks = list(dict.fromkeys(row["task"] for row in rows))
     figure = Figure(figsize=(3.4 * len(tasks) + 1.4, 7.2), layout="constrained")
-    panels = np.reshape(figure.subplots(3, len(tasks), sharex=True), (3, len(tasks)))
+    panels = np.reshape(figure.subplots(3, len(tasks), sharex="col"), (3, len(tasks)))
     for column, task in enumerate(tasks):
         its = [row for row in rows if row["task"] == task]
         panels[0, column].set_title(task, fontsize=10)

@@ -16,12 +16,12 @@ from albot_studies.homing_distances import AGENTS, command, plan_trial, table
 def test_all_agents_meet_the_same_journeys() -> None:
     begins = []
     for agent in ("oracle", "patch-homing", "homing-mapless"):
-        env = plan_trial(agent, 6.0, "random:office:40002?rooms=4", 5).make()
+        env = plan_trial(agent, 20.0, "random:office:40000", 5).make()
         _, info = env.reset(seed=5)
         begins.append((*info["pose"], info["initial_distance_home"], info["outward_length"]))
         assert info.get("change", "none") == "none"
         env.close()
-    assert begins[0][-1] >= 6.0
+    assert begins[0][-1] >= 20.0
     np.testing.assert_array_equal(begins[1:], begins[:1] * 2)
 
 
