@@ -5,8 +5,10 @@ The parts are objects of `parts`; `observation_kernels` lists them and fills the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -168,7 +170,7 @@ class ObservationConfig:
                 raise InputError("ObservationConfig.parts", expected, part)
         return replace(self, laser=laser, sonar=sonar, map_patch=patch)
 
-    @property
+    @cached_property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each observed part, in the order of the flat observation."""
         sizes = Sizes(
@@ -235,7 +237,7 @@ class ObservationConfig:
         length = sum(int(np.prod(shape)) for shape in self.shapes.values())
         return spaces.Box(-1, 1, (length,), np.float32)
 
-    @property
+    @cached_property
     def scales(self) -> Scales:
         """The scales of the parts."""
         coverage, knee = self.coverage, self.laser_knee
@@ -277,7 +279,7 @@ class ObservationConfig:
         Raises:
             InputError: The observations have another length.
         """
-        sizes = [int(np.prod(shape)) for shape in self.shapes.values()]
+        sizes = [math.prod(shape) for shape in self.shapes.values()]
         if rows.shape[1] != sum(sizes):
             raise InputError("observation", f"shape ({sum(sizes)},)", str(rows.shape[1:]))
         pieces = np.split(rows, np.cumsum(sizes)[:-1], axis=1)
