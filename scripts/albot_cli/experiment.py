@@ -38,6 +38,7 @@ ALL = "all"
 STUDIES = {
     "comparison": "Set all mappers side by side on logs and in worlds: docs/comparison.md.",
     "disturbed-logs": "Map logs under every disturbance: docs/robustness.md.",
+    "example-log": "Make the small log that comes with the project.",
     "false-closures": "Add false loop closures to graph SLAM's map of a log.",
     "kidnapped-robots": "Count the kidnapped robots that notice it.",
     "lost-evidence": "Fit the weights of hypotheses of where a kidnapped robot is.",
