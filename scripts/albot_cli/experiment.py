@@ -38,6 +38,7 @@ ALL = "all"
 STUDIES = {
     "comparison": "Set all mappers side by side on logs and in worlds: docs/comparison.md.",
     "disturbed-logs": "Map logs under every disturbance: docs/robustness.md.",
+    "example-log": "Make the small log that comes with the project.",
     "false-closures": "Add false loop closures to graph SLAM's map of a log.",
     "homing-distances": "Measure homing after journeys of 10 to 160 m: docs/homing_distances.md.",
     "kidnapped-robots": "Count the kidnapped robots that notice it.",

@@ -33,6 +33,7 @@ from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
+from albot_core.logs.example import EXAMPLE
 from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import save_map
 from albot_core.mappers.mapper import AttractorNetwork, PlaceMemory
@@ -66,7 +67,7 @@ FILES = (
 
 
 @click.command()
-@click.argument("log", metavar="LOG|EPISODE", type=_FILE)
+@click.argument("log", metavar="[LOG|EPISODE]", type=_FILE, default=EXAMPLE)
 @click.option("--mapper", default="albot1", show_default=True, help=f"{', '.join(mapper_names())}.")
 @mapper_config_option
 @click.option(
@@ -102,6 +103,9 @@ def command(
     LOG is a CARMEN, Wean Hall, Duke or JSON log, compressed (.gz, .xz) or not; EPISODE is a
     file of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
     the mapper's updates alone, without compilation.
+
+    Without either it maps a small log that comes with the project, of a simulated robot in an
+    office.
     """
     spec = mapper_spec(mapper)
     mapper_parameters = read_mapper_config(spec, mapper_config)

@@ -83,19 +83,7 @@ def with_half_the_beams(log: Log, rng: np.random.Generator) -> Log:
 def without_every_third(log: Log, rng: np.random.Generator) -> Log:
     """Return a copy of the log without every third reading, from a random first one on."""
     kept = np.arange(len(log.stamps)) % 3 != rng.integers(3)
-
-    def thinned(rows: np.ndarray | None) -> np.ndarray | None:
-        return None if rows is None else rows[kept]
-
-    return replace(
-        log,
-        stamps=log.stamps[kept],
-        odometry=log.odometry[kept],
-        ranges=thinned(log.ranges),
-        echoes=thinned(log.echoes),
-        scenes=thinned(log.scenes),
-        reference=thinned(log.reference),
-    )
+    return log.with_scans(kept)
 
 
 def near_sighted(log: Log, _: np.random.Generator) -> Log:

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.counts import many
 from albot_core.errors import InputError
@@ -133,6 +133,22 @@ class Log:
             scene = int(self.scenes[scan])
         stamp = float(self.times[scan])
         return Reading(stamp=stamp, motion=motion, laser=laser, sonar=sonar, scene=scene)
+
+    def with_scans(self, scans: Bool[np.ndarray, "scans"] | Int64[np.ndarray, "some"]) -> Log:
+        """Return the log with only some of its scans: their numbers, in order, or a mask."""
+
+        def thinned(rows: np.ndarray | None) -> np.ndarray | None:
+            return None if rows is None else rows[scans]
+
+        return replace(
+            self,
+            stamps=self.stamps[scans],
+            odometry=self.odometry[scans],
+            ranges=thinned(self.ranges),
+            echoes=thinned(self.echoes),
+            scenes=thinned(self.scenes),
+            reference=thinned(self.reference),
+        )
 
     @property
     def is_odometry_constant(self) -> bool:
