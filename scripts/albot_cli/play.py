@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli.config import config_option, read_task_config
 from albot_cli.evaluate import way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
@@ -45,6 +46,7 @@ RUN_ONLY = (
     "world",
     "mapper",
     "mapper_config",
+    "config",
     "agent",
     "seed",
     "steps",
@@ -64,6 +66,7 @@ RUN_ONLY = (
 )
 @click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
 @mapper_config_option
+@config_option
 @click.option(
     "--agent",
     help="albot0-homing, albot1-homing, association-explorer, association-homing, exploring, "
@@ -199,6 +202,7 @@ def _run(
     world: str | None,
     mapper: str | None,
     mapper_config: Path | None,
+    config: Path | None,
     agent: str | None,
     seed: int,
     steps: int,
@@ -232,8 +236,10 @@ def _run(
     asked: dict[str, Any] = {"mapper": mapper, **presets}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}
+    if config is not None:
+        settings["config"] = read_task_config(task, config)
     if outward is not None:
-        settings["config"] = way_out(task, outward)
+        settings["config"] = way_out(task, outward, settings.get("config"))
     settings = entry.environment(task, settings)
     mapper = settings.get("mapper", entry.mapper)
     if mapper_config is not None:
