@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from albot_cli.experiment_tables import report_text
 from albot_cli.group import LazyGroup
 from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.path_type import PathType
@@ -24,10 +25,8 @@ from albot_experiments.report import (
     REPORT_FILES,
     Report,
     ablation,
-    cell,
     index_path,
     read_report,
-    rows,
     write_index,
 )
 
@@ -188,15 +187,6 @@ def _run(experiment: Experiment, seeds: range | None, **options: str) -> Report:
 
 
 def _print(report: Report, files: list[Path]) -> None:
-    click.echo(f"{report.id}: {report.title}\n")
-    paper, measured = dict(rows(report.paper)), dict(rows(report.alone))
-    beside = [[name, cell(paper.get(name)), cell(measured.get(name))] for name in measured | paper]
-    for table in ([["", "paper", "measured"], *beside], *report.grouped()):
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        for name, *cells in table:
-            told = (f"{each:>{width}}" for each, width in zip(cells, widths[1:], strict=True))
-            click.echo(f"{name:{widths[0]}}  {'  '.join(told)}".rstrip())
-        click.echo()
-    click.echo("\n".join(report.verdict_lines()) + "\n")
+    click.echo(f"{report_text(report)}\n")
     for path in files:
         click.echo(str(path))
