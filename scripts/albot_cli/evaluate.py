@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_folder, filled_folder
@@ -31,12 +32,18 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 
 
 @click.command()
-@click.argument("task")
-@click.option("--agent", required=True, help="See `albot agents list`.")
+@click.argument("task", shell_complete=completion.task_names)
+@click.option(
+    "--agent",
+    required=True,
+    shell_complete=completion.agent_names,
+    help="See `albot agents list`.",
+)
 @click.option(
     "--worlds",
     multiple=True,
     metavar="SPEC",
+    shell_complete=completion.world_names,
     help="random:KIND (each seed is a world), a name, a file, or a pattern of files; repeatable.  "
     "[default: random:office, or a probe's own]",
 )
@@ -46,9 +53,14 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 @click.option(
     "--against",
     metavar="AGENT",
+    shell_complete=completion.agent_names,
     help="Run this agent through the same episodes, too, and tell the differences.",
 )
-@click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
+@click.option(
+    "--mapper",
+    shell_complete=completion.robots_mapper_names,
+    help="See `albot mappers`; or none.  [default: the agent's own]",
+)
 @mapper_config_option
 @config_option
 @robot_option
@@ -57,7 +69,8 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     "--noise",
     default="pioneer",
     show_default=True,
-    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.",
+    shell_complete=completion.odometer_names,
+    help=f"{completion.listed(completion.ODOMETERS)}.",
 )
 @click.option(
     "--outward",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from albot_cli import completion
 from albot_cli.experiment_tables import report_text
 from albot_cli.group import LazyGroup
 from albot_cli.outputs import FORCE, check_file, check_folder
@@ -72,7 +73,7 @@ def list_experiments(as_json: bool) -> None:
 
 
 @command.command("run")
-@click.argument("name", metavar="ID")
+@click.argument("name", metavar="ID", shell_complete=completion.experiment_names)
 @click.option(
     "--seeds",
     metavar="A..B",
@@ -84,9 +85,21 @@ def list_experiments(as_json: bool) -> None:
     help="Folder for the report: Markdown, pictures, JSON. For all: one folder each, and a "
     "summary page, OUT.md.",
 )
-@click.option("--agent", help="In a probe: the only agent beside the oracle.")
-@click.option("--mapper", help="In a probe: the agents' mapper.  [default: each agent's own]")
-@click.option("--odometer", help="In a probe: the odometer.  [default: pioneer]")
+@click.option(
+    "--agent",
+    shell_complete=completion.agent_names,
+    help="In a probe: the only agent beside the oracle.",
+)
+@click.option(
+    "--mapper",
+    shell_complete=completion.robots_mapper_names,
+    help="In a probe: the agents' mapper.  [default: each agent's own]",
+)
+@click.option(
+    "--odometer",
+    shell_complete=completion.odometer_names,
+    help="In a probe: the odometer.  [default: pioneer]",
+)
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def run_experiment(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli import completion
 from albot_cli.outputs import check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -38,7 +39,12 @@ _FOLDER = PathType(file_okay=False)
 
 
 @click.command()
-@click.argument("task", required=False, metavar="[TASK|PLAN]")
+@click.argument(
+    "task",
+    required=False,
+    metavar="[TASK|PLAN]",
+    shell_complete=completion.tasks_or_files,
+)
 @click.option(
     "--config",
     type=PathType(dir_okay=False),
