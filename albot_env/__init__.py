@@ -6,6 +6,9 @@ Importing this package registers its environments with gymnasium. A new task is 
 
 import gymnasium
 
+__version__ = "0.1.0"
+"""The project's version, which its packages are built with."""
+
 _TASKS = (
     # Id, class, folder in `albot_env.tasks`, steps after which an episode is truncated.
     ("Explore-v0", "Explore", "explore", 6000),

@@ -206,7 +206,7 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
         and isinstance(data, bool) == (kind is bool)
     ):
         return data
-    raise where.error(_name(kind), format_value(data))
+    raise where.error(name_type(kind), format_value(data))
 
 
 def _read_choice(values: tuple[Any, ...], data: Any, where: Location, _: Any) -> Any:
@@ -231,7 +231,7 @@ def _read_union(kinds: Iterable[Any], data: Any, where: Location, base: Any) -> 
             return read_value(kind, data, where)
         except InputError:
             continue
-    raise where.error(" or ".join(map(_name, kinds)), format_value(data))
+    raise where.error(" or ".join(map(name_type, kinds)), format_value(data))
 
 
 def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Location) -> tuple[Any, ...]:
@@ -311,10 +311,10 @@ def _listed(known: Iterable[str]) -> str:
     return ", ".join(sorted(known))
 
 
-def _name(kind: Any) -> str:
-    """Return the name of a type for errors."""
+def name_type(kind: Any) -> str:
+    """Return in words which values a type has: `a number`, `one of ppo, recurrent_ppo`."""
     if get_origin(kind) in (typing.Union, types.UnionType):
-        return " or ".join(_name(each) for each in get_args(kind) if each is not type(None))
+        return " or ".join(name_type(each) for each in get_args(kind) if each is not type(None))
     if get_origin(kind) is typing.Literal:
         return f"one of {', '.join(map(str, get_args(kind)))}"
     if get_origin(kind) is not None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterable
+from contextvars import ContextVar
 from dataclasses import dataclass
 from numbers import Integral, Real
+from typing import Any
 
 from albot_core.errors import InputError
 
@@ -48,6 +50,10 @@ FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 SHARE = Range("a number within [0, 1]", 0.0, 1.0)
 
 
+_RECORDED: ContextVar[tuple[object, dict[str, Range]] | None] = ContextVar("ranges", default=None)
+"""The configuration whose ranges `checked_ranges` is recording, and those recorded."""
+
+
 def check_fields(config: object, allowed: Range, *names: str) -> None:
     """Check that fields of a configuration are numbers within a range.
 
@@ -63,6 +69,25 @@ def check_fields(config: object, allowed: Range, *names: str) -> None:
         value = getattr(config, name)
         if value not in allowed:
             raise InputError(f"{type(config).__name__}.{name}", allowed.expected, shown(value))
+    recorded = _RECORDED.get()
+    if recorded is not None and recorded[0] is config:
+        recorded[1].update(dict.fromkeys(names, allowed))
+
+
+def checked_ranges(config: Any) -> dict[str, Range]:
+    """Return the ranges in which a configuration checks its fields, by the fields' names.
+
+    They are recorded while the configuration checks itself once more. A field that is only checked
+    if it is not None, and is None, has no range here.
+    """
+    found: dict[str, Range] = {}
+    token = _RECORDED.set((config, found))
+    try:
+        if hasattr(config, "__post_init__"):
+            config.__post_init__()
+    finally:
+        _RECORDED.reset(token)
+    return found
 
 
 def are_numbers(values: object, count: int | None = None) -> bool:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ LARGEST = 4 << 20
 
 _LARGEST_WHOLE = 2**63 - 1
 """Largest absolute integer, so that every array can hold it."""
+_WIDTH = 80
+"""Column after which long lists are broken."""
 _DIGITS = 40
 """Longest integer that an error shows in full."""
 
@@ -39,6 +42,13 @@ class _Loader(yaml.BaseLoader):
         return super().compose_node(parent, index)
 
 
+class _Dumper(yaml.SafeDumper):
+    """PyYAML without aliases, which quotes text that `_Loader` would take for something else."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
 for _tag, _pattern in {
     "null": r"~|null|Null|NULL|",
     "bool": r"true|True|TRUE|false|False|FALSE",
@@ -46,9 +56,10 @@ for _tag, _pattern in {
     "float": r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
     r"|[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN",
 }.items():
-    _Loader.add_implicit_resolver(
-        f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), None
-    )
+    for _kind in (_Loader, _Dumper):
+        _kind.add_implicit_resolver(
+            f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), None
+        )
 
 
 class YamlDocument:
@@ -154,6 +165,20 @@ def read_yaml(path: Path) -> YamlDocument:
         InputError: The file cannot be read, is larger than `LARGEST`, or is not UTF-8 or YAML.
     """
     return YamlDocument(read_text(path, LARGEST), path)
+
+
+def dump_yaml(data: Mapping[str, Any]) -> str:
+    """Return plain data as YAML, which `YamlDocument` reads back; inner lists are on one line."""
+    stream = StringIO()
+    dumper = _Dumper(
+        stream, default_flow_style=None, sort_keys=False, allow_unicode=True, width=_WIDTH
+    )
+    node: Any = dumper.represent_data(data)
+    node.flow_style = False  # Only what is inside is on one line.
+    dumper.open()
+    dumper.serialize(node)
+    dumper.close()
+    return stream.getvalue()
 
 
 def dotted(path: Sequence[str | int]) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli import completion
 from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import FORCE, check_folder
 from albot_cli.path_type import PathType
@@ -28,10 +29,11 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 
 
 @click.command()
-@click.argument("source", metavar="LOG|EPISODE|WORLD")
+@click.argument("source", metavar="LOG|EPISODE|WORLD", shell_complete=completion.world_names)
 @click.option(
     "--mappers",
     metavar="A,B,…",
+    shell_complete=completion.mapper_list,
     help="Mappers to run (see `albot mappers`); NAME=FILE takes parameters from a YAML file.  "
     "[default: all that are installed and whose sensors the source has]",
 )
@@ -49,6 +51,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 @click.option(
     "--agent",
     default="gap-explorer",
+    shell_complete=completion.agent_names,
     show_default=True,
     help="Agent that explores a WORLD without a map.",
 )
@@ -60,11 +63,25 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
     help="Length of the exploration, in steps of 0.1 s.",
 )
 @click.option(
-    "--laser", help="Laser of the exploring robot (see `albot play`).  [default: lms-200]"
+    "--laser",
+    shell_complete=completion.laser_names,
+    help="Laser of the exploring robot (see `albot play`).  [default: lms-200]",
 )
-@click.option("--sonar", help="Sonars of the exploring robot.  [default: pioneer]")
-@click.option("--scenes", help="Camera of the exploring robot.  [default: none]")
-@click.option("--odometer", help="Odometer of the exploring robot.  [default: pioneer]")
+@click.option(
+    "--sonar",
+    shell_complete=completion.sonar_names,
+    help="Sonars of the exploring robot.  [default: pioneer]",
+)
+@click.option(
+    "--scenes",
+    shell_complete=completion.scene_names,
+    help="Camera of the exploring robot.  [default: none]",
+)
+@click.option(
+    "--odometer",
+    shell_complete=completion.odometer_names,
+    help="Odometer of the exploring robot.  [default: pioneer]",
+)
 @robot_option
 @click.option(
     "--jobs",

@@ -7,11 +7,14 @@ import os
 import re
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli import completion
+from albot_cli.config import config_option, read_task_config
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_folder, filled_folder
 from albot_cli.path_type import PathType
@@ -29,12 +32,18 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 
 
 @click.command()
-@click.argument("task")
-@click.option("--agent", required=True, help="See `albot agents list`.")
+@click.argument("task", shell_complete=completion.task_names)
+@click.option(
+    "--agent",
+    required=True,
+    shell_complete=completion.agent_names,
+    help="See `albot agents list`.",
+)
 @click.option(
     "--worlds",
     multiple=True,
     metavar="SPEC",
+    shell_complete=completion.world_names,
     help="random:KIND (each seed is a world), a name, a file, or a pattern of files; repeatable.  "
     "[default: random:office, or a probe's own]",
 )
@@ -44,17 +53,24 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 @click.option(
     "--against",
     metavar="AGENT",
+    shell_complete=completion.agent_names,
     help="Run this agent through the same episodes, too, and tell the differences.",
 )
-@click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
+@click.option(
+    "--mapper",
+    shell_complete=completion.robots_mapper_names,
+    help="See `albot mappers`; or none.  [default: the agent's own]",
+)
 @mapper_config_option
+@config_option
 @robot_option
 @click.option(
     "--odometer",
     "--noise",
     default="pioneer",
     show_default=True,
-    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.",
+    shell_complete=completion.odometer_names,
+    help=f"{completion.listed(completion.ODOMETERS)}.",
 )
 @click.option(
     "--outward",
@@ -79,6 +95,7 @@ def command(
     against: str | None,
     mapper: str | None,
     mapper_config: Path | None,
+    config: Path | None,
     robot: str | None,
     odometer: str,
     outward: str | None,
@@ -113,8 +130,10 @@ def command(
     settings: dict[str, Any] = {"odometer": odometer}
     given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps}
     settings |= {name: value for name, value in given.items() if value is not None}
+    if config is not None:
+        settings["config"] = read_task_config(task, config)
     if outward is not None:
-        settings["config"] = way_out(task, outward)
+        settings["config"] = way_out(task, outward, settings.get("config"))
     if out is not None:
         check_folder(out, (_FIGURES, _PICTURE, _EPISODES), force=force)
     trials = []
@@ -131,13 +150,15 @@ def command(
     facts: dict[str, Any] = {"task": task, "agent": agent}
     facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
+    facts["config"] = None if config is None else str(config)
     facts["untrained"] = untrained
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
     facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:
-        _save(out, facts, outcomes, mapper_config)
+        files = {"--mapper-config": mapper_config, "--config": config}
+        _save(out, facts, outcomes, files)
     click.echo(json.dumps(facts) if as_json else _as_text(facts))
     return STOPPED if stopped else 0
 
@@ -157,10 +178,13 @@ def _settings(
     return settings, entry.untrained_settings(wanted | parameters)
 
 
-def way_out(task: str, text: str) -> Any:
-    """Return the task's configuration with an outward journey of length `A..B` (m)."""
+def way_out(task: str, text: str, config: Any = None) -> Any:
+    """Return a configuration of the task with an outward journey of length `A..B` (m).
+
+    `config` is the configuration to change; None for the default.
+    """
     from albot_agents.task import untwinned
-    from albot_env.tasks.homing.outward_journey import LENGTHS, OutwardJourneyConfig
+    from albot_env.tasks.homing.outward_journey import LENGTHS
     from albot_env.tasks.homing.task import HomingConfig, HomingTask
 
     if untwinned(task) != HomingTask.environment:
@@ -176,7 +200,8 @@ def way_out(task: str, text: str) -> Any:
         raise InputError("--outward", "a range A..B with B at least A", text)
     if longest not in LENGTHS:
         raise InputError("--outward", f"lengths that are {LENGTHS.expected} (m)", text)
-    return HomingConfig(outing=OutwardJourneyConfig(shortest=shortest, longest=longest))
+    config = config or HomingConfig()
+    return replace(config, outing=replace(config.outing, shortest=shortest, longest=longest))
 
 
 def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], bool]:
@@ -237,14 +262,21 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
 
 
 def _save(
-    out: Path, facts: dict[str, Any], outcomes: list[list[Outcome]], mapper_config: Path | None
+    out: Path,
+    facts: dict[str, Any],
+    outcomes: list[list[Outcome]],
+    given_files: dict[str, Path | None],
 ) -> None:
-    """Write the figures, the episodes and the picture; add their paths to `facts`."""
+    """Write the figures, the episodes and the picture; add their paths to `facts`.
+
+    `given_files` are the files of parameters, by option.
+    """
     from albot_agents.evaluation.paired import episodes_csv
     from albot_core.files import write_text
 
     facts["files"] |= {"figures": str(out / _FIGURES), "episodes": str(out / _EPISODES)}
-    options = [] if mapper_config is None else ["--mapper-config", str(mapper_config)]
+    given = {option: str(path) for option, path in given_files.items() if path is not None}
+    options = [word for option in given.items() for word in option]
     with filled_folder(out) as scratch:
         if facts["success_rate"] is not None:
             from albot_agents.evaluation.picture import save_failures

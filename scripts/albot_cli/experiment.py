@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from albot_cli import completion
+from albot_cli.experiment_tables import report_text
 from albot_cli.group import LazyGroup
 from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.path_type import PathType
@@ -24,10 +26,8 @@ from albot_experiments.report import (
     REPORT_FILES,
     Report,
     ablation,
-    cell,
     index_path,
     read_report,
-    rows,
     write_index,
 )
 
@@ -76,7 +76,7 @@ def list_experiments(as_json: bool) -> None:
 
 
 @command.command("run")
-@click.argument("name", metavar="ID")
+@click.argument("name", metavar="ID", shell_complete=completion.experiment_names)
 @click.option(
     "--seeds",
     metavar="A..B",
@@ -88,9 +88,21 @@ def list_experiments(as_json: bool) -> None:
     help="Folder for the report: Markdown, pictures, JSON. For all: one folder each, and a "
     "summary page, OUT.md.",
 )
-@click.option("--agent", help="In a probe: the only agent beside the oracle.")
-@click.option("--mapper", help="In a probe: the agents' mapper.  [default: each agent's own]")
-@click.option("--odometer", help="In a probe: the odometer.  [default: pioneer]")
+@click.option(
+    "--agent",
+    shell_complete=completion.agent_names,
+    help="In a probe: the only agent beside the oracle.",
+)
+@click.option(
+    "--mapper",
+    shell_complete=completion.robots_mapper_names,
+    help="In a probe: the agents' mapper.  [default: each agent's own]",
+)
+@click.option(
+    "--odometer",
+    shell_complete=completion.odometer_names,
+    help="In a probe: the odometer.  [default: pioneer]",
+)
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def run_experiment(
@@ -191,15 +203,6 @@ def _run(experiment: Experiment, seeds: range | None, **options: str) -> Report:
 
 
 def _print(report: Report, files: list[Path]) -> None:
-    click.echo(f"{report.id}: {report.title}\n")
-    paper, measured = dict(rows(report.paper)), dict(rows(report.alone))
-    beside = [[name, cell(paper.get(name)), cell(measured.get(name))] for name in measured | paper]
-    for table in ([["", "paper", "measured"], *beside], *report.grouped()):
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        for name, *cells in table:
-            told = (f"{each:>{width}}" for each, width in zip(cells, widths[1:], strict=True))
-            click.echo(f"{name:{widths[0]}}  {'  '.join(told)}".rstrip())
-        click.echo()
-    click.echo("\n".join(report.verdict_lines()) + "\n")
+    click.echo(f"{report_text(report)}\n")
     for path in files:
         click.echo(str(path))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from albot_cli import completion
 from albot_cli.map_report import (
     RECOGNITION,
     as_table,
@@ -68,7 +69,13 @@ FILES = (
 
 @click.command()
 @click.argument("log", metavar="[LOG|EPISODE]", type=_FILE, default=EXAMPLE)
-@click.option("--mapper", default="albot1", show_default=True, help=f"{', '.join(mapper_names())}.")
+@click.option(
+    "--mapper",
+    default="albot1",
+    show_default=True,
+    shell_complete=completion.mapper_names,
+    help=f"{', '.join(mapper_names())}.",
+)
 @mapper_config_option
 @click.option(
     "--reference",

@@ -1,4 +1,4 @@
-"""`albot mappers`: list the mapping systems. Also reads `--mapper-config` of other commands."""
+"""`albot mappers`: list the mapping systems and their parameters. Also reads `--mapper-config`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import Any
 
 import click
 
+from albot_cli import completion
+from albot_cli.config import parameter_rows
 from albot_cli.path_type import PathType
+from albot_core.config_document import to_yaml
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import MapperSpec
 from albot_core.mappers.registry import MAPPERS, mapper_config, mapper_spec
@@ -18,36 +21,44 @@ from albot_core.yaml_document import read_yaml
 mapper_config_option = click.option(
     "--mapper-config",
     type=PathType(dir_okay=False),
-    help="YAML file with mapper parameters that override the defaults.",
+    help="YAML file with mapper parameters that override the defaults, as `albot mappers NAME` "
+    "prints them.",
 )
 
 
 @click.command()
+@click.argument("name", required=False, shell_complete=completion.mapper_names)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
-def command(as_json: bool) -> None:
-    """List the mapping systems, what each does and where it is described."""
-    if as_json:
-        click.echo(
-            json.dumps(
-                {
-                    "mappers": [
-                        {
-                            "name": entry.name,
-                            "summary": entry.summary,
-                            "paper": entry.paper,
-                            "sensors": sorted(entry.sensors),
-                            "layers": list(entry.layers),
-                        }
-                        for entry in MAPPERS.values()
-                    ]
-                }
-            )
+def command(name: str | None, as_json: bool) -> None:
+    """List the mapping systems, or print the parameters of the one called NAME as YAML.
+
+    The list tells what each does and where it is described. The parameters come with default, unit,
+    range and meaning; change the file and give it to --mapper-config.
+    """
+    if name is not None:
+        spec = mapper_spec(name)
+        config = mapper_config(spec)
+        if as_json:
+            click.echo(json.dumps({**_facts(spec), "parameters": parameter_rows(config)}))
+            return
+        heading = (
+            f"The parameters of {spec.name}: {spec.summary}\n{spec.paper}.\n"
+            "For --mapper-config. What is left out stays as it is here; None is written null."
         )
+        click.echo(to_yaml(config, heading), nl=False)
+        return
+    if as_json:
+        click.echo(json.dumps({"mappers": [_facts(entry) for entry in MAPPERS.values()]}))
         return
     width = max(map(len, MAPPERS))
     for entry in MAPPERS.values():
         click.echo(f"{entry.name:<{width}}  {entry.summary}")
         click.echo(f"{'':<{width}}  {entry.paper}")
+
+
+def _facts(spec: MapperSpec) -> dict[str, Any]:
+    facts = {"name": spec.name, "summary": spec.summary, "paper": spec.paper}
+    return {**facts, "sensors": sorted(spec.sensors), "layers": list(spec.layers)}
 
 
 def read_robots_config(mapper: str, path: Path) -> Any:

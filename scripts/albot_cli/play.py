@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli import completion
+from albot_cli.config import config_option, read_task_config
 from albot_cli.evaluate import way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
@@ -45,6 +47,7 @@ RUN_ONLY = (
     "world",
     "mapper",
     "mapper_config",
+    "config",
     "agent",
     "seed",
     "steps",
@@ -57,38 +60,49 @@ RUN_ONLY = (
 
 
 @click.command()
-@click.argument("what", required=False, metavar="[TASK|EPISODE]")
+@click.argument(
+    "what", required=False, metavar="[TASK|EPISODE]", shell_complete=completion.tasks_or_files
+)
 @click.option(
     "--world",
+    shell_complete=completion.world_names,
     help="World: a name, a file or random:KIND:SEED.  [default: office-ring, or a probe's own]",
 )
-@click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
+@click.option(
+    "--mapper",
+    shell_complete=completion.robots_mapper_names,
+    help="See `albot mappers`; or none.  [default: the agent's own]",
+)
 @mapper_config_option
+@config_option
 @click.option(
     "--agent",
-    help="albot0-homing, albot1-homing, association-explorer, association-homing, exploring, "
-    "gap-explorer, homing, homing-blind, homing-mapless, map-homing, nearest-frontier, oracle, "
-    "patch-homing, path-integration, place-judge, place-recognition, random, ratslam-homing, "
-    "round-trip, the file of a trained agent, or keyboard: you drive.  [default: "
+    shell_complete=completion.played_agent_names,
+    help=f"{', '.join(completion.AGENTS)}, the file of a trained agent, or keyboard: you drive.  "
+    "[default: "
     "gap-explorer in explore, albot1-homing in homing, patch-homing in homing-by-map, "
     "round-trip in explore-and-home, place-judge in place-recognition]",
 )
 @robot_option
 @click.option(
     "--laser",
-    help="ideal, lms-200, lms-200-fine, long, short or none.  "
-    "[default: the agent's own, or lms-200]",
+    shell_complete=completion.laser_names,
+    help=f"{completion.listed(completion.LASERS, 'none')}.  [default: the agent's own, or lms-200]",
 )
 @click.option(
     "--odometer",
-    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.  "
-    "[default: pioneer]",
+    shell_complete=completion.odometer_names,
+    help=f"{completion.listed(completion.ODOMETERS)}.  [default: pioneer]",
 )
 @click.option(
-    "--sonar", help="ideal, pioneer, poor or none.  [default: the agent's own, or pioneer]"
+    "--sonar",
+    shell_complete=completion.sonar_names,
+    help=f"{completion.listed(completion.SONARS, 'none')}.  [default: the agent's own, or pioneer]",
 )
 @click.option(
-    "--scenes", help="ideal, paper, ambiguous or none.  [default: the agent's own, or none]"
+    "--scenes",
+    shell_complete=completion.scene_names,
+    help=f"{completion.listed(completion.SCENES, 'none')}.  [default: the agent's own, or none]",
 )
 @click.option(
     "--outward",
@@ -199,6 +213,7 @@ def _run(
     world: str | None,
     mapper: str | None,
     mapper_config: Path | None,
+    config: Path | None,
     agent: str | None,
     seed: int,
     steps: int,
@@ -232,8 +247,10 @@ def _run(
     asked: dict[str, Any] = {"mapper": mapper, **presets}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}
+    if config is not None:
+        settings["config"] = read_task_config(task, config)
     if outward is not None:
-        settings["config"] = way_out(task, outward)
+        settings["config"] = way_out(task, outward, settings.get("config"))
     settings = entry.environment(task, settings)
     mapper = settings.get("mapper", entry.mapper)
     if mapper_config is not None:

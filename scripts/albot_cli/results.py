@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from albot_cli import completion
 from albot_cli.outputs import check_file
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -19,6 +20,8 @@ from albot_core.errors import InputError
 if TYPE_CHECKING:
     from albot_agents.evaluation.comparison import Figures, PairedTrials
 
+_PAGE = Path("docs/results.md")
+"""The project's page of results, in a clone."""
 _PLAN_SEEDS = "2000..2002"
 """Seeds in each floor plan if none are given. It is not click's default, so that seeds without
 plans can be refused."""
@@ -28,14 +31,15 @@ plans can be refused."""
 @click.option(
     "--out",
     type=PathType(dir_okay=False),
-    default=Path("docs/results.md"),
-    show_default=True,
+    default=lambda: _PAGE if _PAGE.exists() else Path(_PAGE.name),
+    show_default=f"{_PAGE} in a clone of the project, elsewhere {_PAGE.name}",
     help="The page, a .md file; the figures go into a JSON file beside it.",
 )
 @click.option(
     "--task",
     "tasks",
     multiple=True,
+    shell_complete=completion.task_names,
     help="Measure only this task; repeatable. Rows of other tasks stay.",
 )
 @click.option(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli import completion
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
@@ -31,6 +32,7 @@ _LARGEST_SEED = 2**64 - 1
     default="random",
     show_default=True,
     metavar="SPEC",
+    shell_complete=completion.world_names,
     help="random:KIND or random:KIND?KEY=VALUE&…; random for all kinds in turn; or one world.",
 )
 @click.option(
@@ -59,11 +61,18 @@ _LARGEST_SEED = 2**64 - 1
     "agents",
     multiple=True,
     default=("gap-explorer", "random"),
+    shell_complete=completion.agent_names,
     show_default=True,
     help="association-explorer, exploring, gap-explorer, nearest-frontier, random, or the file of "
     "a trained agent; repeatable.",
 )
-@click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
+@click.option(
+    "--mapper",
+    default="none",
+    show_default=True,
+    shell_complete=completion.robots_mapper_names,
+    help="See `albot mappers`; or none.",
+)
 @mapper_config_option
 @robot_option
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")

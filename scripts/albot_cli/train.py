@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli import completion
 from albot_cli.outputs import check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -30,17 +31,29 @@ _EVERY = 10.0
 """Time between two progress lines (s)."""
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
 _RUNS = Path("runs")
+_SUFFIXES = (".yml", ".yaml")
+"""Suffixes of plans, which distinguish them from tasks."""
 _LARGEST_SEED = 2**32 - 1
 """The same value as a plan's, whose module is slow to load."""
 _FOLDER = PathType(file_okay=False)
 
 
 @click.command()
-@click.argument("task", required=False)
+@click.argument(
+    "task",
+    required=False,
+    metavar="[TASK|PLAN]",
+    shell_complete=completion.tasks_or_files,
+)
 @click.option(
     "--config",
     type=PathType(dir_okay=False),
-    help="The plan, a YAML file.  [default: the one that comes with the task]",
+    help="The plan, a YAML file, where TASK is given too.  [default: the one that comes with it]",
+)
+@click.option(
+    "--print-plan",
+    is_flag=True,
+    help="Print the plan as YAML, every parameter with its meaning and range, and do not train.",
 )
 @click.option("--out", type=_FOLDER, help="Folder of the run.  [default: runs/TASK-ALGORITHM-N]")
 @click.option("--resume", type=_FOLDER, help="Continue the run in this folder.")
@@ -62,6 +75,7 @@ _FOLDER = PathType(file_okay=False)
 def command(
     task: str | None,
     config: Path | None,
+    print_plan: bool,
     out: Path | None,
     resume: Path | None,
     seed: int | None,
@@ -70,7 +84,7 @@ def command(
     quiet: bool,
     as_json: bool,
 ) -> int:
-    """Train an agent for TASK, such as homing (or Albot/Homing-v0).
+    """Train an agent for TASK, such as homing (or Albot/Homing-v0), or by a PLAN, a YAML file.
 
     Needs the extra `train`: pip install -c constraints.txt '.[train]' in a clone.
 
@@ -79,6 +93,13 @@ def command(
     ends with exit status 130. best.albot and last.albot in the folder are agents for
     `albot evaluate --agent FILE`.
     """
+    if task is not None and (file := Path(task)).suffix in _SUFFIXES:
+        if config is not None:
+            raise InputError("--config", f"no such option beside the plan {file}", str(config))
+        task, config = None, file
+    if print_plan:
+        _print_plan(task, config, resume, seed, steps, robot, as_json)
+        return 0
     _check_installed()
     spin_briefly()
     folder, plan = _begin(task, config, out, resume, seed, steps, robot)
@@ -94,6 +115,47 @@ def _check_installed() -> None:
         raise InputError("albot train", expected, f"no {', '.join(missing)}")
 
 
+def _print_plan(
+    task: str | None,
+    config: Path | None,
+    resume: Path | None,
+    seed: int | None,
+    steps: int | None,
+    robot: str | None,
+    as_json: bool,
+) -> None:
+    from albot_agents.training.plan_file import plan_text
+    from albot_core.plain_data import to_plain
+
+    if resume is not None:
+        expected = "no such option with --print-plan: the run's plan is its config.yml"
+        raise InputError("--resume", expected, str(resume))
+    plan = _read_plan(task, config, seed, steps, robot, tried=False)
+    click.echo(json.dumps(to_plain(plan)) + "\n" if as_json else plan_text(plan), nl=False)
+
+
+def _read_plan(
+    task: str | None,
+    config: Path | None,
+    seed: int | None,
+    steps: int | None,
+    robot: str | None,
+    *,
+    tried: bool = True,
+) -> TrainingPlan:
+    """Read the plan of a new run; `tried` as for `read_plan`."""
+    from albot_agents.task import find_task
+    from albot_agents.training.plan_file import read_plan, shipped_plan
+
+    task = None if task is None else find_task(task)
+    changes = {"seed": seed, "n_timesteps": steps, "robot": robot}
+    if config is not None:
+        return read_plan(config, task, tried=tried, **changes)
+    if task is None:
+        raise InputError("albot train", "a TASK, a PLAN or --resume", "none")
+    return shipped_plan(task, tried=tried, **changes)
+
+
 def _begin(
     task: str | None,
     config: Path | None,
@@ -105,25 +167,17 @@ def _begin(
 ) -> tuple[RunFolder, TrainingPlan]:
     """Make or find the run's folder; return it and the plan."""
     from albot_agents.task import find_task
-    from albot_agents.training.plan_file import read_plan, shipped_plan
     from albot_agents.training.run_files import RunFolder, free_folder
 
-    if task is not None:
-        task = find_task(task)
     if resume is not None:
+        task = None if task is None else find_task(task)
         fixed = {"--config": config, "--out": out, "--seed": seed, "--robot": robot}
         for name, value in fixed.items():
             if value is not None:
                 raise InputError(name, "no such option with --resume", str(value))
         folder = RunFolder(resume)
         return folder, folder.resume(task, n_timesteps=steps)
-    changes = {"seed": seed, "n_timesteps": steps, "robot": robot}
-    if config is not None:
-        plan = read_plan(config, task, **changes)
-    elif task is not None:
-        plan = shipped_plan(task, **changes)
-    else:
-        raise InputError("albot train", "a TASK, --config or --resume", "none")
+    plan = _read_plan(task, config, seed, steps, robot)
     if out is None:
         make_folder(_RUNS)
         out = free_folder(_RUNS, plan)

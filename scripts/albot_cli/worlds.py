@@ -10,6 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
+from albot_cli import completion
 from albot_cli.outputs import FORCE, check_file, check_folder, check_png, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -24,7 +25,7 @@ from albot_maps.formats.world_file import world_text
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
 _MOST_ON_A_SHEET = 100
 _MOVABLES = {"doors": "door", "boxes": "box", "walkers": "walker"}
-_WORLD = click.argument("spec", metavar="WORLD")
+_WORLD = click.argument("spec", metavar="WORLD", shell_complete=completion.world_names)
 _STRICT = click.option(
     "--strict", is_flag=True, help="Refuse a world if its reader left anything out."
 )
@@ -146,7 +147,7 @@ def _default(value: object, usual: int | None) -> str:
 
 
 @command.command(cls=_MakeCommand)
-@click.argument("kind")
+@click.argument("kind", shell_complete=completion.kind_names)
 @click.option(
     "--count",
     type=click.IntRange(1, 1_000_000),

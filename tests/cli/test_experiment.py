@@ -58,7 +58,7 @@ def test_it_runs_over_its_own_seeds_or_those_asked_for(
     assert found["measured"] == {"first": first, "last": last}
     lines = call("experiment", "run", "toy", *words).stdout.splitlines()
     assert lines[0] == "toy: A toy"
-    assert ["first", "7", str(first)] in [line.split() for line in lines]
+    assert ["first", str(first), "7"] in [line.split() for line in lines]
     assert "Reached." in lines
 
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 import click
 import pytest
+import yaml
 
+import albot_env
 from albot_agents.registry import EXPLORE, agent_names
 from albot_cli import mappers
 from albot_cli.group import albot
@@ -138,3 +142,14 @@ def test_help_names_every_agent_that_fits(
     shown = "".join(capsys.readouterr().out.split())  # lines break within names
     task = None if words == ("play",) else EXPLORE
     assert all(name in shown for name in agent_names(task))
+
+
+def test_one_version_everywhere() -> None:
+    root = Path(__file__).parents[2]
+    project = tomllib.loads((root / "pyproject.toml").read_text())
+    assert "version" not in project["project"]  # It is built with the package's.
+    assert project["tool"]["hatch"]["version"]["path"] == "albot_env/__init__.py"
+    cited = yaml.safe_load((root / "CITATION.cff").read_text())
+    assert cited["version"] == albot_env.__version__ == version("albot-env")
+    addresses = [each["url"] for each in cited["references"] if "url" in each]
+    assert list(project["project"]["urls"].values()) == addresses

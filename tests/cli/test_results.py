@@ -61,3 +61,19 @@ def test_figures_that_are_none_are_not_written_over(
     page.with_suffix(".json").write_text("{}")
     expect_error(call("results", "--out", page, "--seeds", "1..2"), "page.json")
     assert page.read_text() == "An old page."
+
+
+def test_the_page_is_the_projects_only_in_a_clone(
+    page: Path, call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = page.parent
+    monkeypatch.chdir(folder)
+    found = figures(call("results", "--seeds", "1..2", "--json"))
+    assert found["files"] == {"page": "results.md", "figures": "results.json"}
+    assert (folder / "results.md").is_file()
+    (folder / "docs").mkdir()
+    page.rename(folder / "docs" / "results.md")
+    (folder / "page.json").rename(folder / "docs" / "results.json")
+    found = figures(call("results", "--seeds", "1..2", "--json"))
+    assert found["files"]["page"] == "docs/results.md"
+    assert "docs/results.md in a clone" in " ".join(call("results", "--help").stdout.split())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from albot_agents import workers
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import TrialRunner
 from albot_agents.training.plan import LARGEST_SEED
+from albot_agents.training.plan_file import read_plan, shipped_plan
 from albot_cli import train
 from albot_cli.main import main
+from albot_core.config_document import parameters
 from tests.agents.training.tiny import TASK, plan_file
 
 Albot = Callable[..., tuple[int, str, str]]
@@ -85,11 +88,51 @@ def test_train_resume_evaluate_and_tell(
     assert run(*words)[0] == 0
 
 
+@pytest.mark.parametrize(
+    "name", [file.name for file in (resources.files("albot_agents.training") / "configs").iterdir()]
+)
+def test_a_plan_is_printed_and_given_back(run: Albot, tmp_path: Path, name: str) -> None:
+    task = f"Albot/{name.removesuffix('.yml')}"
+    status, out, err = run("train", task, "--print-plan", "--seed", 7)
+    assert (status, err) == (0, "")
+    assert "\n# Discount factor per step.\ngamma: " in out
+    file = tmp_path / "plan.yml"
+    file.write_text(out)
+    plan = read_plan(file, tried=False)
+    assert plan == shipped_plan(task, tried=False, seed=7)
+    assert all(parameter.meaning for parameter in parameters(plan))
+    assert run("train", file, "--print-plan") == (0, out, "")
+    status, out, _ = run("train", file, "--print-plan", "--json", "--steps", 9)
+    assert (status, json.loads(out)["n_timesteps"]) == (0, 9)
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "told"),
+    [
+        ("gamma: 0.995", "gamma: 2", "gamma: expected a number within [0, 1], found 2"),
+        ("n_steps:", "nsteps:", "(did you mean n_steps?)"),
+    ],
+)
+def test_a_wrong_plan_is_one_error(
+    run: Albot, tmp_path: Path, was: str, becomes: str, told: str
+) -> None:
+    text = run("train", TASK, "--print-plan")[1]
+    file = tmp_path / "plan.yml"
+    file.write_text(text.replace(was, becomes))
+    line = text[: text.index(f"\n{was}")].count("\n") + 2
+    status, out, err = run("train", file)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert f"plan.yml, line {line}, " in err
+    assert told in err
+    assert "beside the plan" in run("train", file, "--config", file)[2]
+    assert "--print-plan" in run("train", "--resume", tmp_path, "--print-plan")[2]
+
+
 def test_without_a_terminal_lines_tell_how_it_goes(
     run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(train, "_EVERY", 0.0)
-    words = ("train", "--config", config, "--json", "--out")
+    words = ("train", config, "--json", "--out")
     status, out, err = run(*words, tmp_path / "run")
     assert status == 0
     json.loads(out)
@@ -125,7 +168,7 @@ def test_ctrl_c_says_how_to_go_on(
     ("words", "found"),
     [
         (("Albot/Homming-v0",), "did you mean Albot/Homing-v0"),
-        ((), "expected a TASK, --config or --resume"),
+        ((), "expected a TASK, a PLAN or --resume"),
         (("--config", "none.yml"), "none.yml: file not found"),
         (("--resume", "nowhere"), "nowhere: expected the folder of a training run"),
         (("--resume", "nowhere", "--seed", "3"), "--seed: expected no such option"),

@@ -20,6 +20,7 @@ from PIL import Image
 
 from albot_agents.evaluation.results_page import read_figures, render_page
 from albot_agents.registry import find_agent
+from albot_agents.task import config_kind
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import Network
@@ -28,6 +29,7 @@ from albot_agents.training.checkpoint import read_checkpoint
 from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
+from albot_cli.config import read_task_config
 from albot_cli.worlds import in_full, summary
 from albot_core.archive import read_arrays
 from albot_core.errors import InputError
@@ -42,6 +44,7 @@ from albot_core.json_document import read_json
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.logs.wean import read_wean_map
 from albot_core.mappers.registry import make_mapper
+from albot_core.plain_data import to_plain
 from albot_core.yaml_document import read_yaml
 from albot_maps import World, load_world
 from albot_maps.formats.house_json import read_house_json
@@ -51,7 +54,7 @@ from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
-from tests.agents.training.tiny import TINY, begun
+from tests.agents.training.tiny import TASK, TINY, begun
 from tests.core.logs.conftest import WRITERS, make_drive
 from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
 from tests.fuzzing.reader import Reader, one_file
@@ -272,6 +275,13 @@ READERS: tuple[Reader, ...] = (
     ),
     one_file(
         "training plan", "a.yml", yaml.safe_dump(TINY), lambda path: read_plan(path), read_plan
+    ),
+    one_file(
+        "configuration of a task",
+        "a.yml",
+        yaml.safe_dump(to_plain(config_kind(TASK)()), sort_keys=False),
+        partial(read_task_config, TASK),
+        read_task_config,
     ),
     Reader(
         name="run folder",

@@ -200,7 +200,8 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
         if name in settings:
             words += [f"--{name}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)
-    if outing is not None and outing.away != type(outing)().away:
+    changed = outing is not None and outing.away != type(outing)().away
+    if changed and "--config" not in options:
         return ""
     if outing is not None and outing != type(outing)():
         lengths = outing.shortest, outing.longest

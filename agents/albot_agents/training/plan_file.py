@@ -10,26 +10,29 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import yaml
 
 from albot_agents.evaluation.plan import Trial, parse_seeds, plan_trials
 from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import EvaluationPlan, StagePlan, TrainingPlan
 from albot_agents.training.plan_check import MEMORY, check_device, check_policy, check_spaces
+from albot_core.config_document import to_yaml
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_core.plain_data import Location, deep_merge, read_config, to_plain
+from albot_core.plain_data import Location, deep_merge, read_config
 from albot_core.yaml_document import YamlDocument, read_yaml
 
 _SHIPPED = resources.files("albot_agents.training") / "configs"
 
 
-def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPlan:
+def read_plan(
+    path: Path, task: str | None = None, *, tried: bool = True, **changes: Any
+) -> TrainingPlan:
     """Read the plan in a YAML file.
 
     Args:
         path: The file.
         task: The task; None for the one that the file names.
+        tried: Whether the plan's environments are made once, to check what its settings are for.
         changes: Values of top-level keys that replace the file's, which must be valid anyway, and
             `robot`, which replaces that of `env`. None replaces nothing.
 
@@ -37,10 +40,10 @@ def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPl
         InputError: The file is missing or not YAML, has an unknown key or an invalid value, is for
             another task, or requests a GPU where there is none.
     """
-    return _plan(read_yaml(path), path, task, changes)
+    return _plan(read_yaml(path), path, task, changes, tried)
 
 
-def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
+def shipped_plan(task: str, *, tried: bool = True, **changes: Any) -> TrainingPlan:
     """Return the project's plan for a task; arguments as for `read_plan`.
 
     Raises:
@@ -51,16 +54,21 @@ def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
     if not file.is_file():
         raise InputError("--config", f"a file, because no plan comes with {task}", "none")
     document = YamlDocument(file.read_text(encoding="utf-8"), file.name)
-    return _plan(document, file.name, task, changes)
+    return _plan(document, file.name, task, changes, tried)
+
+
+def plan_text(plan: TrainingPlan) -> str:
+    """Return a plan as YAML with comments, which `read_plan` reads back."""
+    return to_yaml(plan, f"A training plan for {plan.task}; None is written null.")
 
 
 def save_plan(plan: TrainingPlan, path: Path) -> None:
-    """Write a plan, which `read_plan` reads back.
+    """Write a plan as `plan_text` returns it.
 
     Raises:
         InputError: The file cannot be written.
     """
-    write_text(path, yaml.safe_dump(to_plain(plan), sort_keys=False))
+    write_text(path, plan_text(plan))
 
 
 def stage_settings(
@@ -94,7 +102,11 @@ def evaluation_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[st
 
 
 def _plan(
-    document: YamlDocument, source: object, task: str | None, changes: Mapping[str, Any]
+    document: YamlDocument,
+    source: object,
+    task: str | None,
+    changes: Mapping[str, Any],
+    tried: bool,
 ) -> TrainingPlan:
     where = Location(source, place=document.place)
     data = document.data
@@ -110,8 +122,9 @@ def _plan(
         if "robot" in given:
             given["env"] = {**plan.env, "robot": given.pop("robot")}
         plan = dataclasses.replace(plan, **given)
-    check_device(plan, where)
-    _check_environments(plan, where)
+    if tried:
+        check_device(plan, where)
+        _check_environments(plan, where)
     return plan
 
 
