@@ -114,7 +114,7 @@ def run_experiment(
             if folder.exists():
                 check_folder(folder, REPORT_FILES, force=force)
         if name == ALL:
-            check_file(index_path(out), force=force)
+            check_folder(out.parent, [index_path(out).name], force=force)
     given = {option: value for option, value in options.items() if value is not None}
     if name == ALL:
         if given:

@@ -18,7 +18,6 @@ from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
-from albot_core.files import make_folder
 from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
@@ -125,7 +124,6 @@ def _begin(
     else:
         raise InputError("albot train", "a TASK, --config or --resume", "none")
     if out is None:
-        make_folder(_RUNS)
         out = free_folder(_RUNS, plan)
     check_folder(out)
     folder = RunFolder(out)

@@ -164,6 +164,17 @@ def test_a_plan_that_is_refused_leaves_no_folder(run: Albot, tmp_path: Path) -> 
     assert not (tmp_path / "run").exists()
 
 
+def test_a_run_may_stand_in_a_folder_that_is_not_there_yet(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for words in (("--out", "deep/runs/mine"), ()):
+        status, _, err = run("train", "--config", config, "--quiet", *words)
+        assert (status, err) == (0, "")
+    assert Path("deep/runs/mine/last.albot").is_file()
+    assert Path("runs/Homing-v0-ppo-1/last.albot").is_file()
+
+
 def test_what_is_not_installed_is_told(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train, "_NEEDED", ("torch", "no_such_package"))
     status, _, err = run("train", TASK)
