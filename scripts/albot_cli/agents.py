@@ -65,11 +65,11 @@ def write_agents_card(
 
     card = out or file.with_suffix(".md")
     check_suffix(card, ".md", option="--out")
+    agent = read_agent(file)  # A file of another kind is told before pictures that exist.
     for path in (card, card.with_suffix(".png")):
         if path.resolve() == file.resolve():
             raise InputError("--out", "another file than the agent's", str(path))
         check_file(path, force=force)
-    agent = read_agent(file)
     figures = [read_evaluation(path, agent) for path in evaluations]
     written = write_card(agent, file.stem, card, figures)
     if as_json:

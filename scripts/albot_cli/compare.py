@@ -45,7 +45,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 )
 @click.option("--reference", type=_FILE, help="True poses of the robot (see `albot map`).")
 @click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
-@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
+@click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
 @click.option(
     "--agent",
     default="gap-explorer",
@@ -262,7 +262,7 @@ def recorded_sources(
         seeds: Seeds of the mappers' random numbers.
         reference: File of the robot's true poses, if the log has none.
         relations: File of true relations between its poses.
-        keep_going: Whether to use the undamaged beginning of a damaged log.
+        keep_going: Whether to leave out the damaged lines of a log.
 
     Raises:
         InputError: A file is damaged, or reference or relations belong to another log.

@@ -82,7 +82,7 @@ FILES = (
     is_flag=True,
     help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
-@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
+@click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(

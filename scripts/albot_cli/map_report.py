@@ -218,7 +218,7 @@ def left_out_line(lost: dict[str, Any]) -> str:
     if not lost["lines"]:  # The size of the missing part is unknown.
         return f"not read: the rest ({lost['reason']})"
     counts = f"{many(lost['lines'], 'line')}, {many(lost['scans'], 'scan')}"
-    return f"not read: {counts} ({lost['reason']})"
+    return f"not read: {counts}, {lost['where']} ({lost['reason']})"
 
 
 def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:

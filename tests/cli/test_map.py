@@ -268,18 +268,21 @@ def test_a_torn_episode_is_mapped_and_said_to_be_torn(episode_file, call, tmp_pa
     assert "not read: the rest (torn.mcap: never closed" in call("map", path).stdout
 
 
-def test_a_torn_log_and_its_good_beginning(corridor, call, tmp_path):
+def test_a_torn_log_and_its_good_lines(corridor, call, tmp_path):
     path = tmp_path / "torn.log"
     lines = corridor[0].read_text().splitlines()
-    path.write_text("\n".join([*lines[:20], lines[20][:300], *lines[21:23]]))
-    expect_error(call("map", path), "torn.log, line 21: expected")
+    bad = "ODOM 1 2 x 0 0 0 1 robot 1"
+    path.write_text("\n".join([bad, *lines[:19], lines[19][:300], *lines[20:23]]))
+    expect_error(call("map", path), "torn.log, line 1: expected")
     found = figures(call("map", path, "--keep-going", "--json"))
-    assert found["scans"] == 20
-    assert found["left_out"]["lines"] == 3
-    assert found["left_out"]["scans"] == 3
-    assert "line 21" in found["left_out"]["reason"]
+    assert found["scans"] == 22
+    assert found["left_out"]["lines"] == 2
+    assert found["left_out"]["scans"] == 1
+    assert "line 1: " in found["left_out"]["reason"]
     shown = call("map", path, "--keep-going").stdout
-    assert "not read: 3 lines, 3 scans" in shown
+    assert "not read: 2 lines, 1 scan, lines 1, 21 (torn.log, line 1: " in shown.replace(
+        str(tmp_path) + "/", ""
+    )
     other = tmp_path / "other.tum"
     truth = corridor[1]
     write_tum(Trajectory(stamps=truth.stamps + 1e6, poses=truth.poses), other)
