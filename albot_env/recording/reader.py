@@ -203,6 +203,7 @@ class EpisodeReader:
             mapper=content["mapper"],
             odometer=content["odometer"],
             robot_radius=content["robot_radius"],
+            way_out=read_array((None, 2), content["way_out"], where.at("way_out")),
             seed=content["seed"],
             agent=content["agent"],
             laser=laser,

@@ -44,7 +44,11 @@ class Frame:
     time: float
     """Simulated time since the start (s)."""
     path_length: float
-    """True path length (m)."""
+    """True path length, with the way out (m)."""
+    way_out_length: float = 0.0
+    """True length of the way that led to where the episode began (m); 0 where that was home."""
+    way_out: Float64[np.ndarray, "points 2"] = field(default_factory=lambda: np.empty((0, 2)))
+    """True positions on that way, world frame."""
     updates: int
     """Number of readings that the mapper has added to its map."""
     walls: Float64[np.ndarray, "walls 4"]
@@ -78,6 +82,11 @@ class Frame:
     0 for none."""
 
     @property
+    def driven(self) -> float:
+        """True length of the path since the episode began (m)."""
+        return self.path_length - self.way_out_length
+
+    @property
     def position_error(self) -> float:
         """Distance between believed and true position, aligned at the start (m)."""
         cos, sin = math.cos(self.start[2]), math.sin(self.start[2])
@@ -101,12 +110,18 @@ class Frame:
         """The numbers of this moment."""
         parts = (
             clock_time(self.time),
-            f"{self.path_length:.1f} m driven",
+            self.lengths,
             f"{self.updates} updates",
             *(layer_summary(layer) for layer in self.snapshot.layers),
             f"{self.position_error:.2f} m off",
         )
         return _joined(parts)
+
+    @property
+    def lengths(self) -> str:
+        """How far the robot has driven, in the episode and before it."""
+        after = f" after {self.way_out_length:.1f} m on the way out" if len(self.way_out) else ""
+        return f"{self.driven:.1f} m driven{after}"
 
     @property
     def rewards(self) -> str:

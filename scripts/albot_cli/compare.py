@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli.count_type import CountType
 from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import FORCE, check_folder
+from albot_cli.outputs import FORCE, JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
@@ -56,7 +57,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
     "--steps",
     default=6000,
     show_default=True,
-    type=click.IntRange(1),
+    type=CountType(1),
     help="Length of the exploration, in steps of 0.1 s.",
 )
 @click.option(
@@ -68,12 +69,12 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 @robot_option
 @click.option(
     "--jobs",
-    type=click.IntRange(1),
+    type=CountType(1),
     help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
 )
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 @click.pass_context
 def command(
     ctx: click.Context,

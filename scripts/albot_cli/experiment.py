@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from albot_cli.group import LazyGroup
-from albot_cli.outputs import FORCE, check_file, check_folder
+from albot_cli.outputs import FORCE, JSON, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -61,7 +61,7 @@ def study() -> None:
 
 
 @command.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def list_experiments(as_json: bool) -> None:
     """List the experiments."""
     rows = [{"id": e.id, "title": e.title, "seeds": e.seeds} for e in EXPERIMENTS.values()]
@@ -89,7 +89,7 @@ def list_experiments(as_json: bool) -> None:
 @click.option("--mapper", help="In a probe: the agents' mapper.  [default: each agent's own]")
 @click.option("--odometer", help="In a probe: the odometer.  [default: pioneer]")
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def run_experiment(
     name: str,
     seeds: str | None,

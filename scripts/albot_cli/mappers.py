@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import MapperSpec
@@ -23,7 +24,7 @@ mapper_config_option = click.option(
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(as_json: bool) -> None:
     """List the mapping systems, what each does and where it is described."""
     if as_json:

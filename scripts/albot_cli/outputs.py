@@ -15,6 +15,10 @@ from albot_core.interrupts import interrupts_deferred
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite existing files.")
 """The option of every command that writes files named by the user."""
+JSON = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object, and show no progress."
+)
+"""The option of every command whose results a program may read."""
 
 
 def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False) -> None:

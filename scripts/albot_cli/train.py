@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from albot_cli.outputs import check_folder
+from albot_cli.count_type import CountType
+from albot_cli.outputs import JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
@@ -45,11 +46,11 @@ _FOLDER = PathType(file_okay=False)
 @click.option("--resume", type=_FOLDER, help="Continue the run in this folder.")
 @click.option(
     "--seed",
-    type=click.IntRange(0, _LARGEST_SEED),
+    type=CountType(0, _LARGEST_SEED),
     help="A whole number from 0 to 2³² − 1.  [default: the plan's]",
 )
 @click.option(
-    "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
+    "--steps", type=CountType(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )
 @robot_option
 @click.option(
@@ -57,7 +58,7 @@ _FOLDER = PathType(file_okay=False)
     is_flag=True,
     help="Print no progress lines if stderr is not a terminal.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     task: str | None,
     config: Path | None,

@@ -119,8 +119,8 @@ def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, 
     assert (tmp_path / "out" / "recognition.png").read_bytes().startswith(b"\x89PNG")
     # A corridor once along: nothing is seen twice, and whatever is claimed is a false alarm.
     assert found["queries"] == 0
-    assert found["recall"] == {"1.00": 0.0, "0.99": 0.0, "0.95": 0.0}
-    assert "recognised of 0 places seen before" in call(*asked).stdout
+    assert found["recall"] == {"1.00": None, "0.99": None, "0.95": None}
+    assert "recognised: nothing to measure, because no place was seen again" in call(*asked).stdout
     expect_error(call("map", corridor[0], "--recognition"), "--recognition", "a reference")
 
 
@@ -129,6 +129,8 @@ def test_the_files(corridor, truth_file, call, tmp_path):
     found = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
     assert {path.name for path in out.iterdir()} == FILES | PLACES
     assert {Path(path) for path in found["files"].values()} == set(out.iterdir())
+    shown = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "again").stdout
+    assert all(f"  {path}\n" in shown for path in (tmp_path / "again").iterdir())
     assert list(out.parent.iterdir()) == [out]
     mapper = load_map(out / "map.albot")
     assert mapper.spec.name == "albot1"

@@ -75,7 +75,8 @@ def read(text: LogText, keep_going: bool) -> Recording:
         InputError: A line is damaged and `keep_going` is not set, or no scan is good.
     """
     messages = _Messages(text)
-    records = text.parse(text.records(_READ), messages.parse, keep_going, _SCANS)
+    lines = text.records(_READ)
+    records: list[OdometerLine | Sweep] = text.parse(lines, messages.parse, keep_going, _SCANS)
     sweeps = [record for record in records if isinstance(record, Sweep)]
     if not sweeps:
         raise text.damage or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")

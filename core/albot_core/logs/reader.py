@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
@@ -77,7 +77,8 @@ def log_format(path: Path, text: str) -> str | None:
     reader = _reader(log)
     if reader is intel_json.read and '"theta"' not in text:
         return None  # Any other JSON.
-    named = {known.read: known.NAME for known in (*_LINE_FORMATS, intel_json, mines)}
+    named: dict[Any, str] = {known.read: known.NAME for known in _LINE_FORMATS}
+    named |= {intel_json.read: intel_json.NAME, mines.read: mines.NAME}
     return None if reader is None else named[reader]
 
 
