@@ -110,18 +110,12 @@ class Frame:
         """The numbers of this moment."""
         parts = (
             clock_time(self.time),
-            self.lengths,
+            lengths_text(self.driven, self.way_out_length),
             f"{self.updates} updates",
             *(layer_summary(layer) for layer in self.snapshot.layers),
             f"{self.position_error:.2f} m off",
         )
         return _joined(parts)
-
-    @property
-    def lengths(self) -> str:
-        """How far the robot has driven, in the episode and before it."""
-        after = f" after {self.way_out_length:.1f} m on the way out" if len(self.way_out) else ""
-        return f"{self.driven:.1f} m driven{after}"
 
     @property
     def rewards(self) -> str:
@@ -134,6 +128,11 @@ class Frame:
             what = f"as stop {self.answer}" if self.answer else "new"
             parts.insert(0, f"stop {self.steps + 1}: {what}")
         return _joined(parts)
+
+
+def lengths_text(driven: float, way_out: float) -> str:
+    """Return how far a robot has driven in the episode, and on the way out before it (m)."""
+    return f"{driven:.1f} m driven" + (f" after {way_out:.1f} m on the way out" if way_out else "")
 
 
 def clock_time(seconds: float) -> str:

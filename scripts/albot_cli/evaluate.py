@@ -318,11 +318,12 @@ def _as_text(facts: dict[str, Any]) -> str:
 
 def recall_text(facts: Mapping[str, Any]) -> str:
     """Return recall and precision of place recognition as text."""
-    if not facts["revisits"]:
-        return "no recall: no place was seen again"
     recall, precision = (
         "–" if facts[name] is None else f"{facts[name]:.3f}" for name in ("recall", "precision")
     )
+    if not facts["revisits"]:
+        claims = "" if facts["precision"] is None else f"; precision {precision}"
+        return f"no recall: no place was seen again{claims}"
     return f"recall {recall} at precision {precision}, of {facts['revisits']} seen again"
 
 

@@ -22,7 +22,7 @@ from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_core.counts import many
 from albot_core.errors import InputError
-from albot_env.rendering.frame import Frame
+from albot_env.rendering.frame import Frame, lengths_text
 
 if TYPE_CHECKING:
     from albot_agents.registry import AgentEntry
@@ -352,7 +352,6 @@ def _summary(episode: PlayedEpisode) -> dict[str, Any]:
         "path_m": frame.path_length,
         "driven_m": frame.driven,
         "way_out_m": frame.way_out_length,
-        "lengths": frame.lengths,
         "updates": frame.updates,
         "surfaces": len(frame.snapshot.segments),
         "position_error_m": frame.position_error,
@@ -373,7 +372,7 @@ def _as_text(summary: dict[str, Any]) -> str:
     """Return the summary as text."""
     rooms, covered, success = (summary[key] for key in ("rooms_entered", "coverage", "success"))
     figures = [
-        summary["lengths"],
+        lengths_text(summary["driven_m"], summary["way_out_m"]),
         many(summary["updates"], "update"),
         *([many(summary["surfaces"], "surface")] if summary["surfaces"] else []),
         f"{summary['position_error_m']:.2f} m off",

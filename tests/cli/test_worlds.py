@@ -210,6 +210,20 @@ def test_make_writes_worlds_that_read_the_same(albot):
     assert albot(*arguments, "--out", "new/made")[0] == 0
 
 
+def test_make_says_what_it_has_written(albot):
+    words = ("make", "ring", "--count", "2", "--out", "made", "--png", "sheet.png")
+    status, out, _ = albot(*words)
+    assert status == 0
+    lines = out.splitlines()
+    assert [line.split()[-1] for line in lines] == [
+        "made/ring-0.yaml",
+        "made/ring-1.yaml",
+        "sheet.png",
+    ]
+    assert all(Path(line.split()[-1]).is_file() for line in lines)
+    assert "wall" in lines[0]
+
+
 def test_make_writes_more_worlds_than_a_process_can_have_files_open(albot):
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     free = os.open(os.devnull, os.O_RDONLY)
