@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry
@@ -41,6 +41,9 @@ class EpisodeHeader:
     """Geometry of the laser's beams; None on a robot without a laser."""
     sonar: SonarGeometry | None = None
     """Geometry of the sonars; None on a robot without sonars."""
+    way_out: Points = field(default_factory=lambda: np.empty((0, 2)))
+    """True path that led the robot to where the episode begins, world frame (m); empty where it
+    begins at home."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -49,7 +49,7 @@ def read_log_or_episode(path: Path, keep_going: bool = False) -> Log:
 
     Args:
         path: The file.
-        keep_going: Whether to accept the intact beginning of a damaged log.
+        keep_going: Whether to leave out the damaged lines of a log.
 
     Raises:
         InputError: As `read_log` and `read_episode_log`.
@@ -72,7 +72,7 @@ def read_episode_log(path: Path) -> Log:
         return log
     until = f"read up to its last complete chunk, at {log.stamps[-1]:.1f} s"
     reason = f"{path.name}: never closed, ends early; {until}"
-    return replace(log, unread=Unread(lines=0, scans=0, reason=reason))
+    return replace(log, unread=Unread(lines=0, scans=0, where="", reason=reason))
 
 
 def log_of_moments(name: str, header: EpisodeHeader, moments: Iterable[Moment]) -> Log:

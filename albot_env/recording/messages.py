@@ -15,7 +15,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of, transform
 from albot_env.recording.layers import map_messages
 
-FORMAT = 4
+FORMAT = 5
 """Version of the project's own message formats."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
@@ -40,6 +40,7 @@ def header_messages(header: EpisodeHeader) -> Iterator[Message]:
             "seed": header.seed,
             "laser": None if header.laser is None else _laser(header.laser),
             "sonar": None if header.sonar is None else _sonars(header.sonar),
+            "way_out": header.way_out.tolist(),
         },
     )
     yield "/walls", scene("walls", "world", 0.0, lines=[lines(header.walls, WALL_COLOUR)])

@@ -20,6 +20,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from albot_core.errors import InputError, MissingFileError
+from albot_core.file_kinds import kind_of
 from albot_core.geometry.types import Segments
 from albot_core.json_document import parse_json
 from albot_core.maps.activity import Activity
@@ -202,6 +203,7 @@ class EpisodeReader:
             mapper=content["mapper"],
             odometer=content["odometer"],
             robot_radius=content["robot_radius"],
+            way_out=read_array((None, 2), content["way_out"], where.at("way_out")),
             seed=content["seed"],
             agent=content["agent"],
             laser=laser,
@@ -247,12 +249,10 @@ class EpisodeReader:
                         reason = "a length that cannot be true"
                     place = f"byte {stream.tell()}"
                     if not kinds or _was_closed(stream):
-                        raise InputError(
-                            self._path,
-                            "an episode in MCAP format",
-                            reason,
-                            place=place,
-                        ) from None
+                        expected, other = "an episode in MCAP format", kind_of(self._path)
+                        if stream.tell() <= len(MCAP0_MAGIC) and other:
+                            raise InputError(self._path, expected, other) from None
+                        raise InputError(self._path, expected, reason, place=place) from None
                     self.torn = True
                     return
                 if record is None:

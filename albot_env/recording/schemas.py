@@ -165,7 +165,7 @@ LASER_GEOMETRY = _strict(
 )
 EPISODE_HEADER = _strict(
     "albot.EpisodeHeader",
-    format={"const": 4, "description": "Version of the albot messages."},
+    format={"const": 5, "description": "Version of the albot messages."},
     environment=STRING,
     world=STRING,
     walls=_list(_numbers(4)),
@@ -177,6 +177,8 @@ EPISODE_HEADER = _strict(
     seed={"type": ["integer", "null"]},
     laser={"oneOf": [LASER_GEOMETRY, NULL], "description": "Null on a robot without a laser."},
     sonar={"oneOf": [SONAR_GEOMETRY, NULL], "description": "Null on a robot without sonars."},
+    way_out=_list(_numbers(2))
+    | {"description": "True path that led to where the episode begins, world frame; or empty."},
 )
 STEP = _strict(
     "albot.Step",

@@ -95,6 +95,19 @@ def paint(scene: Scene, canvas: pygame.Surface, footer: Footer | None = None) ->
         area = pygame.Rect(left, top, panel_width, bottom - MARGIN // 2 - top)
         _paint_panel(panel, canvas, area)
         left += panel_width + MARGIN
+    if footer is not None and footer.help:
+        _paint_help(canvas, footer.help)
+
+
+def _paint_help(canvas: pygame.Surface, lines: tuple[str, ...]) -> None:
+    """Paint lines about the keys in a box in the middle."""
+    box = pygame.Rect(0, 0, 340, LINE_HEIGHT * len(lines) + 2 * MARGIN)
+    box.center = canvas.get_rect().center
+    pygame.draw.rect(canvas, BACKGROUND, box, border_radius=6)
+    pygame.draw.rect(canvas, FAINT, box, width=1, border_radius=6)
+    for k, line in enumerate(lines):
+        at = box.left + MARGIN, box.top + MARGIN + LINE_HEIGHT * k
+        _write(canvas, line, at, TEXT, box.width - 2 * MARGIN)
 
 
 def _write(
@@ -119,7 +132,7 @@ def _paint_panel(panel: Panel, canvas: pygame.Surface, area: pygame.Rect) -> Non
     for shape in panel.shapes:
         PAINTERS[shape.kind](canvas, shape, view)
     for shape, place in entries:
-        colour = PALETTE[shape.style]
+        colour = _colour(shape)
         swatch = pygame.Rect(place.left, place.top + 3, SWATCH, place.height - 8)
         if shape.kind in ("segments", "line"):
             swatch = swatch.inflate(0, 3 - swatch.height)
@@ -168,9 +181,15 @@ def _segments(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
         pygame.draw.line(canvas, colour, (x1, y1), (x2, y2), width)
 
 
+def _colour(shape: Shape) -> Colour:
+    """Return a shape's colour; of a thin line, one half as bright."""
+    red, green, blue = PALETTE[shape.style]
+    return (red // 2, green // 2, blue // 2) if shape.is_thin else (red, green, blue)
+
+
 def _line(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
     if len(shape.data) > 1:
-        pygame.draw.aalines(canvas, PALETTE[shape.style], False, view(shape.data).tolist())
+        pygame.draw.aalines(canvas, _colour(shape), False, view(shape.data).tolist())
 
 
 def _dots(canvas: pygame.Surface, shape: Shape, view: _View) -> None:

@@ -24,6 +24,21 @@ _SEEKS: dict[str, Jump] = {
 }
 
 
+_HELP = (
+    ("space", "pause, go on"),
+    ("n", "pause, and one step"),
+    ("+, -", "twice, half as fast"),
+    ("?, h", "show or hide the keys"),
+    ("q", "close"),
+)
+_SEEKING_HELP = (
+    ("b", "pause, and one step back"),
+    ("left, right", "10 s back or on"),
+    ("home, end", "to the beginning, to the end"),
+)
+"""Keys and what they do, always and in recorded episodes."""
+
+
 class Controls:
     """The state that the user controls by keys.
 
@@ -42,9 +57,14 @@ class Controls:
         """Whether the user has closed the viewer."""
         self._jumps: list[Jump] = []
         self._seeks = _SEEKS if recorded else {}
-        seeking = ["b back", "arrows 10 s", "home/end"] if recorded else []
-        parts = ["space pause", "n step", *seeking, "+/- speed", "q close"]
-        self._keys = " · ".join([*([more] if more else []), *parts])
+        seeking = ["b back", "arrows 10 s"] if recorded else []
+        own = [more, "space pause"] if more else ["space pause", "n step", *seeking]
+        # A line of 80 characters has room for the most important ones; the help has all.
+        self._keys = " · ".join((*own, "+/- speed", "? keys", "q close"))
+        known = _HELP + (_SEEKING_HELP if recorded else ())
+        lines = (f"{key:<12}{what}" for key, what in known)
+        self._help = tuple(filter(None, (*more.split(" · "), *lines)))
+        self._is_helping = False
 
     def press(self, key: str) -> None:
         """Handle a pressed key; unknown keys are ignored."""
@@ -55,6 +75,8 @@ class Controls:
         elif key == "n":
             self.paused = True
             self._jumps.append((1, 0.0))
+        elif key in ("?", "h"):
+            self._is_helping = not self._is_helping
         elif key in ("+", "="):
             self.speed = min(2 * self.speed, max(FASTEST, self.speed))
         elif key == "-":
@@ -82,4 +104,9 @@ class Controls:
         how = "the end" if over else "paused" if self.paused else "playing"
         whole = "" if duration is None else f" of {clock_time(duration)}"
         status = f"{how} · ×{self.speed:g} · step {step} of {steps} · {clock_time(time)}{whole}"
-        return Footer(status=status, keys=self._keys, share=min(1.0, step / max(1, steps)))
+        return Footer(
+            status=status,
+            keys=self._keys,
+            share=min(1.0, step / max(1, steps)),
+            help=self._help if self._is_helping else (),
+        )

@@ -44,7 +44,11 @@ class Frame:
     time: float
     """Simulated time since the start (s)."""
     path_length: float
-    """True path length (m)."""
+    """True path length, with the way out (m)."""
+    way_out_length: float = 0.0
+    """True length of the way that led to where the episode began (m); 0 where that was home."""
+    way_out: Float64[np.ndarray, "points 2"] = field(default_factory=lambda: np.empty((0, 2)))
+    """True positions on that way, world frame."""
     updates: int
     """Number of readings that the mapper has added to its map."""
     walls: Float64[np.ndarray, "walls 4"]
@@ -78,6 +82,11 @@ class Frame:
     0 for none."""
 
     @property
+    def driven(self) -> float:
+        """True length of the path since the episode began (m)."""
+        return self.path_length - self.way_out_length
+
+    @property
     def position_error(self) -> float:
         """Distance between believed and true position, aligned at the start (m)."""
         cos, sin = math.cos(self.start[2]), math.sin(self.start[2])
@@ -101,7 +110,7 @@ class Frame:
         """The numbers of this moment."""
         parts = (
             clock_time(self.time),
-            f"{self.path_length:.1f} m driven",
+            lengths_text(self.driven, self.way_out_length),
             f"{self.updates} updates",
             *(layer_summary(layer) for layer in self.snapshot.layers),
             f"{self.position_error:.2f} m off",
@@ -119,6 +128,11 @@ class Frame:
             what = f"as stop {self.answer}" if self.answer else "new"
             parts.insert(0, f"stop {self.steps + 1}: {what}")
         return _joined(parts)
+
+
+def lengths_text(driven: float, way_out: float) -> str:
+    """Return how far a robot has driven in the episode, and on the way out before it (m)."""
+    return f"{driven:.1f} m driven" + (f" after {way_out:.1f} m on the way out" if way_out else "")
 
 
 def clock_time(seconds: float) -> str:

@@ -105,7 +105,7 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
             shape.data[:, 0],
             shape.data[:, 1],
             color=colour,
-            lw=1.1,
+            lw=0.4 if shape.is_thin else 1.1,
             label=shape.label,
             zorder=zorder,
         )

@@ -71,11 +71,17 @@ def lay_out(frame: Frame) -> Scene:
         if len(moving)
         else ()
     )
+    way_out = (
+        (Shape(kind="line", style="path", label="way out", data=frame.way_out, is_thin=True),)
+        if len(frame.way_out)
+        else ()
+    )
     hits = transform_points(frame.pose, frame.hits)
     truth = (
         Shape(kind="dots", style="laser", label="laser", data=hits),
         Shape(kind="segments", style="wall", label="walls", data=frame.walls),
         *obstacles,
+        *way_out,
         _way("path", frame.path, frame),
         Shape(kind="home", style="home", label="home", data=start),
         Shape(kind="robot", style="robot", label="robot", data=frame.pose, radius=radius),

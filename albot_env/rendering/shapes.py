@@ -31,6 +31,8 @@ class Shape:
     """Label beside each mark; empty for no labels."""
     radius: float = 0.0
     """Radius of a robot's body (m); 0 for a robot that is a point."""
+    is_thin: bool = False
+    """Whether a line is drawn thin, behind what matters more."""
     grid: OccupancyGridLayer | None = None
     """The cells of a grid; its own origin is ignored."""
 

@@ -46,6 +46,8 @@ BETWEEN = " │ "
 """Separator between panels."""
 THREE = 110
 """Minimum width (characters) for a third panel."""
+LEAST = 60, 16
+"""Least width and height of a terminal in which a picture can be made out (characters)."""
 FEWEST_ROWS = 10
 """Minimum number of rows of a panel; other lines are omitted first."""
 
@@ -119,8 +121,12 @@ class BrailleCanvas:
         return (chr(0x2800 + bits), str(self._styles[row, column])) if bits else (" ", "")
 
 
+def _style(shape: Shape) -> str:
+    return STYLES[shape.style] + (" dim" if shape.is_thin else "")
+
+
 def _draw(canvas: BrailleCanvas, shape: Shape) -> None:
-    style = STYLES[shape.style]
+    style = _style(shape)
     if shape.kind == "segments":
         canvas.segments(shape.data, style)
     elif shape.kind == "line":
@@ -155,7 +161,7 @@ def _legend(panel: Panel, columns: int) -> list[Text]:
     lines = [Text(no_wrap=True)]
     for shape in panel.shapes:
         sign = SIGNS.get(shape.kind, "⣿" if shape.kind in ("grid", "cells") else "━")
-        entry = Text(f"{sign} ", style=STYLES[shape.style]).append(shape.label, style="default")
+        entry = Text(f"{sign} ", style=_style(shape)).append(shape.label, style="default")
         if lines[-1].cell_len and lines[-1].cell_len + 2 + entry.cell_len > columns:
             lines.append(Text(no_wrap=True))
         if lines[-1].cell_len:
@@ -201,8 +207,23 @@ def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = No
     drawn = _beside(
         [_panel(panel, width, rows) for panel, width in zip(panels, widths, strict=True)], widths
     )
+    if footer is not None and footer.help:
+        drawn = [Text(line) for line in footer.help[:rows]]
     text = Text(no_wrap=True, overflow="crop")
     for line in (*heading, *titles, *drawn, *legend, figures, *rewards, *below):
+        line.truncate(columns)
+        text.append_text(line).append("\n")
+    text.right_crop(1)
+    return text
+
+
+def _too_small(columns: int, lines: int, footer: Footer | None) -> Text:
+    """Return what a terminal shows that is too small for a picture."""
+    said = [f"too small: {columns} × {lines} characters", f"needed: {LEAST[0]} × {LEAST[1]}"]
+    if footer is not None:
+        said += [footer.status, "q close"]
+    text = Text(no_wrap=True, overflow="crop")
+    for line in map(Text, said[: lines - 1]):
         line.truncate(columns)
         text.append_text(line).append("\n")
     text.right_crop(1)
@@ -251,8 +272,12 @@ class TerminalView:
             self._size = self._console.size
             self._console.clear()  # The old frame was re-wrapped.
         width, height = self._size
-        # The last line stays empty, or the terminal would scroll.
-        self._live.update(draw_text(frame, width, height - 1, footer), refresh=True)
+        if width < LEAST[0] or height < LEAST[1]:
+            text = _too_small(width, height, footer)
+        else:
+            # The last line stays empty, or the terminal would scroll.
+            text = draw_text(frame, width, height - 1, footer)
+        self._live.update(text, refresh=True)
         return True
 
     def keys(self) -> Sequence[str]:

@@ -20,6 +20,8 @@ class Trace:
 
     def __init__(self, header: EpisodeHeader, first: Moment) -> None:
         self._header = header
+        # A guided tour has driven to its first stop; that is no way out.
+        self._way_out_length = first.path_length if len(header.way_out) else 0.0
         self._path: list[tuple[float, float]] = []
         self._believed: list[tuple[float, float]] = []
         self._snapshot = EMPTY_MAP
@@ -55,6 +57,8 @@ class Trace:
             steps=len(self._path) - 1,
             time=moment.reading.stamp,
             path_length=moment.path_length,
+            way_out_length=self._way_out_length,
+            way_out=header.way_out,
             updates=moment.updates,
             walls=header.walls,
             dynamic_obstacles=moment.dynamic_obstacles,

@@ -19,6 +19,8 @@ class Footer:
     """Description of the keys."""
     share: float
     """Progress in the episode, from 0 to 1."""
+    help: tuple[str, ...] = ()
+    """Lines about the keys, shown over the picture; empty unless the user has asked for them."""
 
 
 @runtime_checkable

@@ -34,7 +34,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,200}")
 """Allowed names of members: no folders, no paths."""
 _MOST_MEMBERS = 10_000
 
-_CORRUPT = (
+CORRUPT = (
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
@@ -140,7 +140,7 @@ def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[s
                     raise InputError(path, f"only {HEADER} and arrays NAME.npy", name)
     except InputError:
         raise
-    except _CORRUPT as error:
+    except CORRUPT as error:
         raise InputError(path, f"an intact {kind}", _one_line(error)) from None
     return header, arrays
 
@@ -173,7 +173,7 @@ def _array(path: Path, name: str, content: bytes) -> np.ndarray:
     try:
         version = np.lib.format.read_magic(stream)
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    except _CORRUPT as error:
+    except CORRUPT as error:
         raise InputError(path, "an array", _one_line(error), place=name) from None
     if version != (1, 0):
         raise InputError(path, "npy version 1.0", ".".join(map(str, version)), place=name)

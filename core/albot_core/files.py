@@ -12,7 +12,7 @@ import stat
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -236,15 +236,13 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder if it does not exist; its parent must exist.
+    """Make a folder, and those above it, where they do not exist.
 
     Raises:
         InputError: The folder cannot be made.
     """
     try:
-        folder.mkdir(exist_ok=True)
-    except FileNotFoundError:
-        raise InputError(folder, f"an existing parent folder {folder.parent}", "none") from None
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         found = "a file" if folder.exists() else error.strerror or str(error)
         raise InputError(folder, "a folder to write to", found) from None
@@ -252,20 +250,25 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[None]:
-    """Make a folder if it does not exist; if the block raises, remove what was made, and all in it.
+    """Make a folder as `make_folder` does; if the block raises, remove what was made.
+
+    All in a new folder is removed with it; the new folders above it only if nothing else is in
+    them.
 
     Raises:
         InputError: As `make_folder`.
     """
     with interrupts_deferred():
-        existed = exists(folder)
+        made = [each for each in (folder, *folder.parents) if not exists(each)]
         make_folder(folder)
     try:
         yield
     except BaseException:
-        if not existed:
-            with interrupts_deferred():
+        if made:
+            with interrupts_deferred(), suppress(OSError):
                 shutil.rmtree(folder, ignore_errors=True)
+                for each in made[1:]:
+                    each.rmdir()
         raise
 
 

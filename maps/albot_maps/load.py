@@ -94,7 +94,11 @@ def read_world(path: Path, robot_radius: float = ROBOT_RADIUS) -> World:
         return read_stage_world(path, robot_radius)
     if kind in PICTURES:
         return _read_yaml_world(_description_of(path), robot_radius)
-    found = "a folder" if exists(path) and path.is_dir() else kind or "no suffix"
+    if not exists(path):
+        raise MissingFileError(path)
+    from albot_core.file_kinds import kind_of  # Slow to load, and needed here alone.
+
+    found = kind_of(path) or kind or "no suffix"
     raise InputError(
         path, "a world file: .yaml, .xml, .json, .world or a picture (.pgm, .png, …)", found
     )

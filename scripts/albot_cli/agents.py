@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from albot_cli.outputs import FORCE, check_file, check_suffix
+from albot_cli.outputs import FORCE, JSON, check_file, check_suffix
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 
@@ -21,7 +21,7 @@ def command() -> None:
 
 
 @command.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def list_agents(as_json: bool) -> None:
     """List the agents, what each does, and the model cards of the trained ones."""
     from albot_agents.registry import agent_names, find_agent, make_agent
@@ -55,7 +55,7 @@ def list_agents(as_json: bool) -> None:
 )
 @click.option("--out", type=_FILE, help="The card, a .md file.  [default: FILE's name with .md]")
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def write_agents_card(
     file: Path, evaluations: tuple[Path, ...], out: Path | None, force: bool, as_json: bool
 ) -> None:
@@ -65,11 +65,11 @@ def write_agents_card(
 
     card = out or file.with_suffix(".md")
     check_suffix(card, ".md", option="--out")
+    agent = read_agent(file)  # A file of another kind is told before pictures that exist.
     for path in (card, card.with_suffix(".png")):
         if path.resolve() == file.resolve():
             raise InputError("--out", "another file than the agent's", str(path))
         check_file(path, force=force)
-    agent = read_agent(file)
     figures = [read_evaluation(path, agent) for path in evaluations]
     written = write_card(agent, file.stem, card, figures)
     if as_json:

@@ -9,8 +9,9 @@ from typing import Any
 
 import click
 
+from albot_cli.count_type import CountType
 from albot_cli.long_run_page import write_long_run
-from albot_cli.outputs import FORCE, check_file, check_suffix
+from albot_cli.outputs import FORCE, JSON, check_file, check_suffix
 from albot_cli.path_type import PathType
 from albot_cli.peers_page import range_accuracy, write_peers
 from albot_cli.progress import progress
@@ -52,12 +53,12 @@ PAGES = {"journey": write_long_run, "peers": write_peers}
 )
 @click.option(
     "--rounds",
-    type=click.IntRange(1),
+    type=CountType(1),
     help="Number of times each environment is measured; the best counts. More rounds help on a "
     f"busy machine.  [default: {ROUNDS}]",
 )
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     parts: tuple[str, ...],
     log: Path | None,
@@ -98,8 +99,10 @@ def command(
         for done, part in enumerate(chosen, start=1):
             figures[part] = measures[part]()
             update(done)
+    figures["files"] = []
     if out is not None:
-        PAGES[paged[0]](out, figures[paged[0]], figures["machine"])
+        files = PAGES[paged[0]](out, figures[paged[0]], figures["machine"])
+        figures["files"] = [str(path) for path in files]
     click.echo(json.dumps(figures) if as_json else as_text(figures))
 
 
@@ -169,6 +172,7 @@ def as_text(figures: Figures) -> str:
     lines += map(_slam, figures.get("slam", ()))
     lines += map(_peer, figures.get("peers", ()))
     lines += map(_startup, filter(None, [figures.get("startup")]))
+    lines += figures.get("files", ())
     return "\n".join(lines)
 
 

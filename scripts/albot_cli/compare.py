@@ -13,8 +13,9 @@ import click
 from click.core import ParameterSource
 
 from albot_cli import completion
+from albot_cli.count_type import CountType
 from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import FORCE, check_folder
+from albot_cli.outputs import FORCE, JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
@@ -47,7 +48,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 )
 @click.option("--reference", type=_FILE, help="True poses of the robot (see `albot map`).")
 @click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
-@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
+@click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
 @click.option(
     "--agent",
     default="gap-explorer",
@@ -59,7 +60,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
     "--steps",
     default=6000,
     show_default=True,
-    type=click.IntRange(1),
+    type=CountType(1),
     help="Length of the exploration, in steps of 0.1 s.",
 )
 @click.option(
@@ -85,12 +86,12 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 @robot_option
 @click.option(
     "--jobs",
-    type=click.IntRange(1),
+    type=CountType(1),
     help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
 )
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -279,7 +280,7 @@ def recorded_sources(
         seeds: Seeds of the mappers' random numbers.
         reference: File of the robot's true poses, if the log has none.
         relations: File of true relations between its poses.
-        keep_going: Whether to use the undamaged beginning of a damaged log.
+        keep_going: Whether to leave out the damaged lines of a log.
 
     Raises:
         InputError: A file is damaged, or reference or relations belong to another log.

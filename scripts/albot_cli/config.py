@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from albot_cli import completion
+from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.config_document import parameters, to_yaml
 from albot_core.plain_data import Location, read_config, to_plain
@@ -25,7 +26,7 @@ config_option = click.option(
 
 @click.command()
 @click.argument("task", shell_complete=completion.task_names)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(task: str, as_json: bool) -> None:
     """Print the configuration of TASK as YAML: each parameter, its default, unit and range.
 

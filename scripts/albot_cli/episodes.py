@@ -66,12 +66,13 @@ class RunningEpisode:
         inside = env.unwrapped
         assert isinstance(inside, SingleEnv)
         self._env, self._inside, self._agent = env, inside, agent
-        self.step, self.steps, self.over = 0, steps, False
+        self.step, self.over = 0, False
         self.duration: float | None = None
         self.contacts = 0
         self.info: Mapping[str, Any]
         """The last info, with the ground truth."""
         self._observation, self.info = begin_episode(env, agent, seed)
+        self.steps = min(steps, inside.most_steps or steps)
 
     @property
     def time(self) -> float:

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import time
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +16,9 @@ import click
 
 from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
+from albot_cli.count_type import CountType
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, check_folder, filled_folder
+from albot_cli.outputs import FORCE, JSON, check_folder, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
@@ -75,10 +77,11 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 @click.option(
     "--outward",
     metavar="A..B",
-    help="Length of the outward journey, in metres.  [default: 30..100]",
+    help="Length of the outward journey, in metres; it goes on until the way home is 5 m long.  "
+    "[default: 30..100]",
 )
-@click.option("--steps", type=click.IntRange(1), help="Time limit.  [default: the task's]")
-@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option("--steps", type=CountType(1), help="Time limit.  [default: the task's]")
+@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
 @click.option(
     "--out",
     type=PathType(file_okay=False),
@@ -86,7 +89,7 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     "succeed, a picture of the failures.",
 )
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     task: str,
     agent: str,
@@ -201,7 +204,14 @@ def way_out(task: str, text: str, config: Any = None) -> Any:
     if longest not in LENGTHS:
         raise InputError("--outward", f"lengths that are {LENGTHS.expected} (m)", text)
     config = config or HomingConfig()
-    return replace(config, outing=replace(config.outing, shortest=shortest, longest=longest))
+    outing = replace(config.outing, shortest=shortest, longest=longest)
+    if shortest < outing.away:
+        click.echo(
+            f"albot: --outward {text}: a journey goes on until the way home is {outing.away:g} m "
+            "long (`away`)",
+            err=True,
+        )
+    return replace(config, outing=outing)
 
 
 def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], bool]:
@@ -311,13 +321,7 @@ def _as_text(facts: dict[str, Any]) -> str:
             + ("" if began is None else f", {began:.1f} m at the beginning")
         )
     if facts["revisits"] is not None:
-        recall, precision = (
-            "–" if facts[name] is None else f"{facts[name]:.3f}" for name in ("recall", "precision")
-        )
-        lines.append(
-            f"  places    recall {recall} at precision {precision}, "
-            f"of {facts['revisits']} seen again"
-        )
+        lines.append(f"  places    {recall_text(facts)}")
     if facts["mean_coverage"] is not None:
         lines.append(
             f"  covered   {facts['mean_coverage']:.0%} of the ground; "
@@ -325,10 +329,14 @@ def _as_text(facts: dict[str, Any]) -> str:
         )
     if facts["coverage_auc"] is not None:
         low, high = facts["coverage_auc_ci95"]
+        far, all_of = facts["coverage_episodes"], facts["episodes"]
         lines.append(
             f"  exploring {facts['coverage_auc']:.3f} covered on average over the first 200 m  "
             f"(95 %: {low:.3f} to {high:.3f})"
+            + ("" if far == all_of else f", which {far} of {many(all_of, 'episode')} drove")
         )
+    elif facts["mean_coverage"] is not None:
+        lines.append("  exploring nothing to average: no episode drove 200 m")
     if facts["rooms_share"] is not None:
         low, high = facts["rooms_share_ci95"]
         lines.append(
@@ -338,6 +346,17 @@ def _as_text(facts: dict[str, Any]) -> str:
         lines += _differences(facts["against"])
     lines += [f"  {name:<9} {path}" for name, path in facts["files"].items()]
     return "\n".join(lines)
+
+
+def recall_text(facts: Mapping[str, Any]) -> str:
+    """Return recall and precision of place recognition as text."""
+    recall, precision = (
+        "–" if facts[name] is None else f"{facts[name]:.3f}" for name in ("recall", "precision")
+    )
+    if not facts["revisits"]:
+        claims = "" if facts["precision"] is None else f"; precision {precision}"
+        return f"no recall: no place was seen again{claims}"
+    return f"recall {recall} at precision {precision}, of {facts['revisits']} seen again"
 
 
 def _differences(against: dict[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@ import click
 from albot_cli import completion
 from albot_cli.experiment_tables import report_text
 from albot_cli.group import LazyGroup
-from albot_cli.outputs import FORCE, check_file, check_folder
+from albot_cli.outputs import FORCE, JSON, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -64,7 +64,7 @@ def study() -> None:
 
 
 @command.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def list_experiments(as_json: bool) -> None:
     """List the experiments."""
     rows = [{"id": e.id, "title": e.title, "seeds": e.seeds} for e in EXPERIMENTS.values()]
@@ -104,7 +104,7 @@ def list_experiments(as_json: bool) -> None:
     help="In a probe: the odometer.  [default: pioneer]",
 )
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def run_experiment(
     name: str,
     seeds: str | None,
@@ -129,7 +129,7 @@ def run_experiment(
             if folder.exists():
                 check_folder(folder, REPORT_FILES, force=force)
         if name == ALL:
-            check_file(index_path(out), force=force)
+            check_folder(out.parent, [index_path(out).name], force=force)
     given = {option: value for option, value in options.items() if value is not None}
     if name == ALL:
         if given:

@@ -34,8 +34,8 @@ _COLUMNS: Mapping[str, tuple[str, str, float]] = {
 """Columns of the table: the figure, its format, and the factor to its unit."""
 
 
-def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
-    """Write the page, and beside it its picture.
+def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> list[Path]:
+    """Write the page, and beside it its picture; return both paths.
 
     Raises:
         InputError: A file cannot be written.
@@ -44,6 +44,7 @@ def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
     with atomic_write(picture) as stream:
         _drawn(rows).savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
     write_text(path, page(rows, machine, picture.name))
+    return [path, picture]
 
 
 def page(rows: Sequence[Row], machine: Row, picture: str) -> str:

@@ -21,7 +21,7 @@ from albot_cli.map_report import (
 )
 from albot_cli.mappers import mapper_config_option, read_mapper_config
 from albot_cli.mapping_run import MappingRun, run_mapper, warm_up
-from albot_cli.outputs import FORCE, check_folder, filled_folder
+from albot_cli.outputs import FORCE, JSON, check_folder, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -90,9 +90,9 @@ FILES = (
     is_flag=True,
     help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
-@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
+@click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
 @FORCE
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     log: Path,
     mapper: str,

@@ -205,6 +205,9 @@ def as_table(figures: dict[str, Any]) -> str:
         lines += ["", left_out_line(figures["left_out"])]
     if figures["notes"]:
         lines += ["", *(f"note: {note}" for note in figures["notes"])]
+    if figures.get("files"):
+        width = max(map(len, figures["files"]))
+        lines += ["", *(f"{kind:<{width}}  {path}" for kind, path in figures["files"].items())]
     return "\n".join(lines)
 
 
@@ -218,7 +221,7 @@ def left_out_line(lost: dict[str, Any]) -> str:
     if not lost["lines"]:  # The size of the missing part is unknown.
         return f"not read: the rest ({lost['reason']})"
     counts = f"{many(lost['lines'], 'line')}, {many(lost['scans'], 'scan')}"
-    return f"not read: {counts} ({lost['reason']})"
+    return f"not read: {counts}, {lost['where']} ({lost['reason']})"
 
 
 def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
@@ -267,19 +270,25 @@ def recognition_figures(log: Log, truth: Trajectory, believed: Trajectory) -> di
 
     `recall` is the recall of the queries at precision 1.00, 0.99 and 0.95; `curve` holds recall and
     precision. `detection` is the detection rate of near pairs at false-alarm rates 0.00 and 0.01
-    over all other pairs.
+    over all other pairs. A share of nothing is None.
     """
     at = pair_moments(truth.stamps, log.stamps).first
     found = measure_recognition(log.readings, truth.poses[at], believed.poses)
     return {
         "queries": found.queries,
         "claims": len(found.scores),
-        "recall": {share: found.recall_at(float(share)) for share in ("1.00", "0.99", "0.95")},
+        "recall": {
+            share: found.recall_at(float(share)) if found.queries else None
+            for share in ("1.00", "0.99", "0.95")
+        },
         "curve": found.curve.tolist(),
         "pairs": {
             "near": int(found.pair_near.sum()),
             "others": int((~found.pair_near).sum()),
-            "detection": {rate: found.detection_at(float(rate)) for rate in ("0.00", "0.01")},
+            "detection": {
+                rate: found.detection_at(float(rate)) if found.pair_near.any() else None
+                for rate in ("0.00", "0.01")
+            },
         },
     }
 
@@ -294,6 +303,8 @@ def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
 def recognition_row(figures: dict[str, Any]) -> str:
     """Return the figures as one line of text."""
     recall, pairs = figures["recall"], figures["pairs"]
+    if not figures["queries"]:
+        return "recognised: nothing to measure, because no place was seen again"
     detection = pairs["detection"]
     return (
         f"recognised of {figures['queries']} places seen before: {recall['1.00']:.0%} without a "

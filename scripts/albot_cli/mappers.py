@@ -10,6 +10,7 @@ import click
 
 from albot_cli import completion
 from albot_cli.config import parameter_rows
+from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.config_document import to_yaml
 from albot_core.errors import InputError
@@ -28,7 +29,7 @@ mapper_config_option = click.option(
 
 @click.command()
 @click.argument("name", required=False, shell_complete=completion.mapper_names)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(name: str | None, as_json: bool) -> None:
     """List the mapping systems, or print the parameters of the one called NAME as YAML.
 

@@ -10,26 +10,29 @@ from pathlib import Path
 import click
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, is_stream, new_folder, scratch_folder
+from albot_core.files import atomic_write, exists, is_stream, new_folder, scratch_folder
 from albot_core.interrupts import interrupts_deferred
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite existing files.")
 """The option of every command that writes files named by the user."""
+JSON = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object, and show no progress."
+)
+"""The option of every command whose results a program may read."""
 
 
 def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
     """Raise InputError if a folder cannot be made or written into, or one of the files exists.
 
     Args:
-        folder: The folder.
+        folder: The folder; those above it need not exist either.
         names: Names of the files to be written into it.
         force: Whether these files may exist.
     """
-    if folder.is_symlink() and not folder.exists():
+    above = next(each for each in (folder, *folder.parents) if exists(each) or each.is_symlink())
+    if above.is_symlink() and not above.exists():
         raise InputError(folder, "a folder to write to", "a link that leads nowhere")
-    if not folder.exists() and not folder.parent.exists():
-        raise InputError(folder, f"an existing parent folder {folder.parent}", "none")
-    _check_writable(folder, folder if folder.exists() else folder.parent, "a folder to write to")
+    _check_writable(folder, above, "a folder to write to")
     for name in names if folder.exists() else ():
         check_file(folder / name, force=force)
 

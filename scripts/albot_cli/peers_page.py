@@ -13,13 +13,14 @@ Row = Mapping[str, Any]
 COMMAND = "albot bench --part peers --out docs/peers.md --force"
 
 
-def write_peers(path: Path, rows: Sequence[Row], machine: Row) -> None:
-    """Write the page.
+def write_peers(path: Path, rows: Sequence[Row], machine: Row) -> list[Path]:
+    """Write the page; return its path.
 
     Raises:
         InputError: The file cannot be written.
     """
     write_text(path, page(rows, machine))
+    return [path]
 
 
 def page(rows: Sequence[Row], machine: Row) -> str:

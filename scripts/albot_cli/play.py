@@ -16,14 +16,15 @@ from click.core import ParameterSource
 
 from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
-from albot_cli.evaluate import way_out
+from albot_cli.count_type import CountType
+from albot_cli.evaluate import recall_text, way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
+from albot_cli.outputs import FORCE, JSON, check_file, check_png, check_suffix
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_core.counts import many
 from albot_core.errors import InputError
-from albot_env.rendering.frame import Frame
+from albot_env.rendering.frame import Frame, lengths_text
 
 if TYPE_CHECKING:
     from albot_agents.registry import AgentEntry
@@ -107,18 +108,19 @@ RUN_ONLY = (
 @click.option(
     "--outward",
     metavar="A..B",
-    help="Length of the outward journey of homing, in metres.  [default: 30..100]",
+    help="Length of the outward journey of homing, in metres; it goes on until the way home is 5 m "
+    "long.  [default: 30..100]",
 )
 @click.option(
     "--no-movables", is_flag=True, help="Leave out the doors, boxes and people that worlds have."
 )
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0))
+@click.option("--seed", default=1, show_default=True, type=CountType(min=0))
 @click.option(
     "--steps",
     default=3000,
     show_default=True,
-    type=click.IntRange(min=1),
-    help="Length, in steps of 0.1 s.",
+    type=CountType(min=1),
+    help="Largest number of steps: of 0.1 s, or in place-recognition from stop to stop.",
 )
 @click.option(
     "--record",
@@ -139,7 +141,7 @@ RUN_ONLY = (
     help="How many times faster than real time it is shown.  [default: 10; 1 for keyboard]",
 )
 @click.option("--headless", is_flag=True, help="Show nothing but the progress line.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object, show nothing.")
+@JSON
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -230,6 +232,7 @@ def _run(
     import gymnasium
 
     from albot_agents.agent import EnvironmentConfigs
+    from albot_agents.evaluation.summary import place_figures
     from albot_agents.task import own_world
     from albot_cli.episodes import RunningEpisode
     from albot_cli.keyboard import Keyboard, enter_meaning
@@ -244,17 +247,8 @@ def _run(
         raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
     if agent == Keyboard.name and not keys_expected():
         raise InputError("--agent keyboard", "a window or a terminal with keys", "neither")
-    asked: dict[str, Any] = {"mapper": mapper, **presets}
-    settings = {name: value for name, value in asked.items() if value is not None}
-    settings |= {"world": world, "movables": not no_movables}
-    if config is not None:
-        settings["config"] = read_task_config(task, config)
-    if outward is not None:
-        settings["config"] = way_out(task, outward, settings.get("config"))
-    settings = entry.environment(task, settings)
-    mapper = settings.get("mapper", entry.mapper)
-    if mapper_config is not None:
-        settings["mapper_config"] = read_robots_config(mapper, mapper_config)
+    asked = {"world": world, "movables": not no_movables, "mapper": mapper, **presets}
+    settings = _settings(task, entry, asked, config, mapper_config, outward)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
     driver = entry.make(EnvironmentConfigs.of(env))
     inside = env.unwrapped
@@ -274,7 +268,7 @@ def _run(
 
         with (
             _report_partial_recording(record),
-            open_viewer(title, steps, headless=headless) as (viewer, update),
+            open_viewer(title, episode.steps, headless=headless) as (viewer, update),
         ):
             if isinstance(driver, Keyboard):
                 driver.listen(viewer)
@@ -288,9 +282,31 @@ def _run(
             "coverage": info.get("coverage"),
             "rooms_entered": info.get("rooms_entered"),
             "success": info.get("is_success"),
+            **place_figures([info]),
         }
     finally:
         env.close()
+
+
+def _settings(
+    task: str,
+    entry: AgentEntry,
+    asked: dict[str, Any],
+    config: Path | None,
+    mapper_config: Path | None,
+    outward: str | None,
+) -> dict[str, Any]:
+    """Return the settings of the environment; `asked` are those of options, None if not given."""
+    settings = {name: value for name, value in asked.items() if value is not None}
+    if config is not None:
+        settings["config"] = read_task_config(task, config)
+    if outward is not None:
+        settings["config"] = way_out(task, outward, settings.get("config"))
+    settings = entry.environment(task, settings)
+    if mapper_config is not None:
+        mapper = settings.get("mapper", entry.mapper)
+        settings["mapper_config"] = read_robots_config(mapper, mapper_config)
+    return settings
 
 
 def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
@@ -348,6 +364,7 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
         "coverage": None,
         "rooms_entered": len(recorded.rooms),
         "success": None,
+        **dict.fromkeys(("precision", "recall", "revisits")),
         "torn": reader.torn,
     }
 
@@ -362,6 +379,8 @@ def _summary(episode: PlayedEpisode) -> dict[str, Any]:
         "mapper": frame.mapper,
         "steps": episode.step,
         "path_m": frame.path_length,
+        "driven_m": frame.driven,
+        "way_out_m": frame.way_out_length,
         "updates": frame.updates,
         "surfaces": len(frame.snapshot.segments),
         "position_error_m": frame.position_error,
@@ -382,18 +401,20 @@ def _as_text(summary: dict[str, Any]) -> str:
     """Return the summary as text."""
     rooms, covered, success = (summary[key] for key in ("rooms_entered", "coverage", "success"))
     figures = [
-        f"{summary['path_m']:.1f} m driven",
+        lengths_text(summary["driven_m"], summary["way_out_m"]),
         many(summary["updates"], "update"),
         *([many(summary["surfaces"], "surface")] if summary["surfaces"] else []),
         f"{summary['position_error_m']:.2f} m off",
         *([] if rooms is None else [f"{many(rooms, 'room')} entered"]),
         *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
         f"reward {summary['reward']:.2f}",
+        *([] if summary["revisits"] is None else [recall_text(summary)]),
         *([] if success is None else ["a success" if success else "no success"]),
     ]
     lines = [
         f"{summary['agent']} at {summary['task']} in {summary['world']} with {summary['mapper']}, "
-        f"seed {summary['seed']}, {summary['simulated_s']:.0f} s:",
+        f"seed {summary['seed']}, {many(summary['steps'], 'step')}, "
+        f"{summary['simulated_s']:.0f} s:",
         f"  {' · '.join(figures)}",
         f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
     ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Protocol
+from math import inf
+from typing import Any, Protocol
 
 import click
 
@@ -18,8 +20,30 @@ EVERY = 60.0
 class ProgressCallback(Protocol):
     """Receives the progress."""
 
-    def __call__(self, done: int, note: str = "") -> None:
-        """Report that `done` steps are done; `note` describes the state."""
+    def __call__(self, done: int, note: str = "", share: float | None = None) -> None:
+        """Report that `done` steps are done.
+
+        Args:
+            done: Number of steps done so far.
+            note: Describes the state.
+            share: Share of the work that is done, by which the remaining time is estimated; by
+                default that of the steps.
+        """
+
+
+def can_redraw(stream: Any) -> bool:
+    """Return whether a stream is a terminal in which lines can be drawn again.
+
+    A stream closed by the caller is None.
+    """
+    dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
+    return stream is not None and stream.isatty() and not dumb
+
+
+def is_json() -> bool:
+    """Return whether the command that runs was called with `--json`."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.params.get("as_json"))
 
 
 @contextmanager
@@ -33,7 +57,8 @@ def progress(
 ) -> Iterator[ProgressCallback]:
     """Show the progress of long work, its rate, and the remaining time.
 
-    It goes to stderr: as a bar if that is a terminal, otherwise as lines.
+    It goes to stderr: as a bar if that is a terminal, otherwise as lines. With `--json` it is not
+    shown.
 
     Args:
         description: Name of the work.
@@ -45,59 +70,62 @@ def progress(
     Yields:
         A callable that takes the number of steps done so far.
     """
-    if not sys.stderr.isatty():
-        yield _Lines(description, total, unit, start, EVERY if every is None else every)
+    clock = _Clock(total, unit, start)
+    if is_json() or not can_redraw(sys.stderr):
+        yield _Lines(description, clock, inf if is_json() else EVERY if every is None else every)
         return
     # Imported here, so that a run without a terminal starts faster.
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     columns = (
         # Markup would turn `:office:` in a world's name into an emoji.
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[note]}", markup=False),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[rest]}", markup=False),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(description, total=total, completed=start, rate="", note="")
+        task = bar.add_task(description, total=total, completed=start, rest="")
 
-        def update(done: int, note: str = "") -> None:
-            seconds = bar.tasks[task].elapsed
-            rate = _rate(done - start, seconds, unit) if seconds else ""
-            bar.update(task, completed=done, rate=rate, note=note)
+        def update(done: int, note: str = "", share: float | None = None) -> None:
+            rest = "  ".join((*clock.figures(done, share), *filter(None, [note])))
+            bar.update(task, completed=done, rest=rest)
 
         yield update
+
+
+class _Clock:
+    """Rate and remaining time of the work."""
+
+    def __init__(self, total: int, unit: str, start: int) -> None:
+        self.total, self.unit = total, unit
+        self._start, self._began = start, time.monotonic()
+
+    def figures(self, done: int, share: float | None) -> list[str]:
+        """Return rate and remaining time as text; nothing before the first step is done."""
+        steps, seconds = done - self._start, time.monotonic() - self._began
+        if steps <= 0 or seconds <= 0:
+            return []
+        share = steps / (self.total - self._start) if share is None else share
+        left = timedelta(seconds=round(seconds * (1 - share) / share))
+        rate = steps / seconds
+        figure = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
+        return [f"{figure} {self.unit}/s", f"{left} left"]
 
 
 class _Lines:
     """Prints at most one line per `every` seconds, for a log."""
 
-    def __init__(self, description: str, total: int, unit: str, start: int, every: float) -> None:
-        self._description, self._total, self._unit = description, total, unit
-        self._start, self._every = start, every
-        self._began = self._told = time.monotonic()
+    def __init__(self, description: str, clock: _Clock, every: float) -> None:
+        self._description, self._clock, self._every = description, clock, every
+        self._told = time.monotonic()
 
-    def __call__(self, done: int, note: str = "") -> None:
+    def __call__(self, done: int, note: str = "", share: float | None = None) -> None:
         now = time.monotonic()
         if now - self._told < self._every:
             return
-        self._told, steps, seconds = now, done - self._start, now - self._began
-        parts = [f"{done:,} of {self._total:,} {self._unit}"]
-        if steps:
-            left = timedelta(seconds=round(seconds * (self._total - done) / steps))
-            parts += [_rate(steps, seconds, self._unit), f"{left} left"]
-        click.echo(f"{self._description}: {', '.join((*parts, *filter(None, [note])))}", err=True)
-
-
-def _rate(steps: int, seconds: float, unit: str) -> str:
-    rate = steps / seconds
-    return f"{rate:,.0f} {unit}/s" if rate >= 10 else f"{rate:.2g} {unit}/s"
+        self._told = now
+        parts = [f"{done:,} of {self._clock.total:,} {self._clock.unit}"]
+        parts += [*self._clock.figures(done, share), *filter(None, [note])]
+        click.echo(f"{self._description}: {', '.join(parts)}", err=True)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import click
 
 from albot_cli import completion
-from albot_cli.outputs import check_file
+from albot_cli.count_type import CountType
+from albot_cli.outputs import JSON, check_file
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -59,8 +60,8 @@ plans can be refused."""
     metavar="A..B",
     help=f"Seeds of the episodes in each floor plan.  [default: {_PLAN_SEEDS}]",
 )
-@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
+@JSON
 def command(
     out: Path,
     tasks: tuple[str, ...],
@@ -119,7 +120,7 @@ def command(
         write_text(out, render_page(rows))
         measured += len(found)
     facts = {"rows": rows, "files": {"page": str(out), "figures": str(figures)}}
-    click.echo(json.dumps(facts) if as_json else f"{measured} rows, see {out}")
+    click.echo(json.dumps(facts) if as_json else f"{measured} rows\n{out}\n{figures}")
     return 0
 
 

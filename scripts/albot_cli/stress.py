@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from albot_cli import completion
+from albot_cli.count_type import CountType
 from albot_cli.mappers import mapper_config_option, read_robots_config
+from albot_cli.outputs import JSON
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
@@ -39,21 +41,21 @@ _LARGEST_SEED = 2**64 - 1
     "--count",
     default=100,
     show_default=True,
-    type=click.IntRange(1, 1_000_000),
+    type=CountType(1, 1_000_000),
     help="Worlds.",
 )
 @click.option(
     "--steps",
     default=300,
     show_default=True,
-    type=click.IntRange(1),
+    type=CountType(1),
     help="Length of an episode, in steps of 0.1 s.",
 )
 @click.option(
     "--seed",
     default=0,
     show_default=True,
-    type=click.IntRange(0, _LARGEST_SEED),
+    type=CountType(0, _LARGEST_SEED),
     help="The first seed, of worlds and episodes.",
 )
 @click.option(
@@ -75,8 +77,8 @@ _LARGEST_SEED = 2**64 - 1
 )
 @mapper_config_option
 @robot_option
-@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
+@JSON
 def command(
     worlds: str,
     count: int,

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from albot_cli import completion
-from albot_cli.outputs import check_folder
+from albot_cli.count_type import CountType
+from albot_cli.outputs import JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
-from albot_core.files import make_folder
 from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
@@ -59,11 +59,11 @@ _FOLDER = PathType(file_okay=False)
 @click.option("--resume", type=_FOLDER, help="Continue the run in this folder.")
 @click.option(
     "--seed",
-    type=click.IntRange(0, _LARGEST_SEED),
+    type=CountType(0, _LARGEST_SEED),
     help="A whole number from 0 to 2³² − 1.  [default: the plan's]",
 )
 @click.option(
-    "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
+    "--steps", type=CountType(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )
 @robot_option
 @click.option(
@@ -71,7 +71,7 @@ _FOLDER = PathType(file_okay=False)
     is_flag=True,
     help="Print no progress lines if stderr is not a terminal.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     task: str | None,
     config: Path | None,
@@ -179,7 +179,6 @@ def _begin(
         return folder, folder.resume(task, n_timesteps=steps)
     plan = _read_plan(task, config, seed, steps, robot)
     if out is None:
-        make_folder(_RUNS)
         out = free_folder(_RUNS, plan)
     check_folder(out)
     folder = RunFolder(out)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import logging
 import os
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -16,19 +17,19 @@ from typing import Any
 
 import click
 import numba
-import numba.core.config
 from llvmlite import binding as llvm
 
+from albot_cli.outputs import JSON
 from albot_cli.progress import progress
 from albot_core.files import write_text
 from albot_core.kernels import stamp
-
-_numba: Any = numba.core.config
+from albot_core.kernels.simd import padded_length
 
 STEPS = 30
 """Steps of each environment; all of the mapper's code runs in the first few."""
 ROBOTS = 2
 """Number of robots in a batch."""
+_KERNEL = re.compile(rb"^ *@kernel\(", re.MULTILINE)
 WORLD = "square-loop"
 HOMING, PLACES = "Albot/Homing-v0", "Albot/PlaceRecognition-v0"
 MOVABLE = "random:office:0?rooms=4&people=1&boxes=1&doors=1"
@@ -36,21 +37,22 @@ MOVABLE = "random:office:0?rooms=4&people=1&boxes=1&doors=1"
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(as_json: bool) -> None:
     """Compile in advance what environments, mappers, agents and other commands need.
 
-    The compiled code is cached beside the source, or in the folder that NUMBA_CACHE_DIR names,
-    until the package changes. Cached code is not compiled again, so a call after an interrupted one
-    continues where that stopped; a call after a complete one only checks that the code is still
-    there.
+    The compiled code is cached beside the source, in the folder that NUMBA_CACHE_DIR names, or, if
+    the sources cannot be written, in a folder of the user, until the package changes. Cached code
+    is not compiled again, so a call after an interrupted one continues where that stopped; a call
+    after a complete one only checks that the code is still there.
     """
     began, parts = time.monotonic(), dict(_parts())
     with _silence(), _counting() as compiled:
         if not _is_marked(parts):
+            missing = max(1, _kernel_count() - len(_indices()))
             with progress("warm-up", len(parts), "parts", every=10.0) as update:
                 for done, (name, run) in enumerate(parts.items()):
-                    update(done, name)
+                    update(done, name, _share(done / len(parts), len(compiled) / missing))
                     run()
                 update(len(parts))
             _set_mark(parts)
@@ -61,10 +63,29 @@ def command(as_json: bool) -> None:
         click.echo(f"{len(compiled)} functions compiled in {seconds:.0f} s")
 
 
+def _share(run: float, compiled: float) -> float:
+    """Return the share of the time that has passed.
+
+    Almost all time goes into compiling, and most code is compiled in the first parts. Where all was
+    compiled before, the parts alone take time.
+
+    Args:
+        run: Share of the parts that have run.
+        compiled: Share of the missing kernels that have been compiled.
+    """
+    return run if compiled == 0 else min(1.0, max(run, 0.2 * run + 0.8 * compiled))
+
+
+def _kernel_count() -> int:
+    """Return the number of kernels in our sources."""
+    files = (path for folder in _packages() for path in folder.rglob("*.py"))
+    return sum(len(_KERNEL.findall(path.read_bytes())) for path in files)
+
+
 def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield name and action of each part. Imports are here: they load the whole simulator."""
     from albot_agents.registry import agent_names
-    from albot_agents.task import is_probe, short_name, task_names
+    from albot_agents.task import is_probe, short_name, task_names, untwinned
     from albot_core.mappers.precompile import precompile
     from albot_core.mappers.registry import MAPPERS, installed_mappers
     from albot_env.tasks.core.settings import NO_MAPPER
@@ -73,7 +94,7 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
     tasks = [task for task in task_names() if not is_probe(task)]  # They run the same code.
     for task in tasks:
         yield f"a batch for {short_name(task)}", partial(_run_batch, task)
-    for task in tasks:
+    for task in filter(lambda task: untwinned(task) == task, tasks):  # Twins run the same code.
         for agent in agent_names(task):
             yield f"{agent} at {short_name(task)}", partial(_run_agent, agent, task)
     yield "doors, boxes and people", partial(_run_batch, "Albot/Explore-v0", world=MOVABLE)
@@ -86,8 +107,17 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
 
 def mark_path() -> Path:
     """Return the file that marks a complete call; it is beside the compiled code."""
-    folder = _numba.CACHE_DIR or Path(stamp.__file__).parent / "__pycache__"
-    return Path(folder) / "warm-up.json"
+    return _kept_code() / "warm-up.json"
+
+
+def _kept_code() -> Path:
+    """Return the folder with the compiled code of the package `albot_core.kernels`.
+
+    It is beside the sources, in NUMBA_CACHE_DIR, or, if the sources cannot be written, in a folder
+    of the user.
+    """
+    kernel: Any = padded_length
+    return Path(kernel._cache.cache_path)
 
 
 def _is_marked(parts: Iterable[str]) -> bool:
@@ -107,9 +137,15 @@ def _set_mark(parts: Iterable[str]) -> None:
 
 
 def _indices() -> set[str]:
-    """Return the files with the indices of compiled functions."""
-    folders = [Path(_numba.CACHE_DIR)] if _numba.CACHE_DIR else _packages()
-    return {str(path) for folder in folders for path in folder.rglob("*.nbi")}
+    """Return the files with the indices of compiled functions, relative to their folders.
+
+    So a mark holds where the whole project was moved or copied to.
+    """
+    kept = _kept_code()
+    folders = _packages() if kept.name == "__pycache__" else [kept.parent]
+    return {
+        str(path.relative_to(folder.parent)) for folder in folders for path in folder.rglob("*.nbi")
+    }
 
 
 def _sources(parts: Iterable[str]) -> str:

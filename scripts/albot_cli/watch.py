@@ -6,17 +6,20 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from itertools import count
 from math import inf
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from albot_cli.episodes import PlayedEpisode
+from albot_cli.progress import can_redraw, progress
 from albot_core.errors import InputError
 from albot_env.rendering.controls import Controls
 from albot_env.rendering.viewer import Footer, NullViewer, Viewer
 
+EVERY = 5.0
+"""Time between two lines of progress without a terminal (s)."""
 FRAME_RATE = 20.0
 """Largest number of frames shown per second."""
 LONGEST_STEP = 10.0
@@ -38,7 +41,8 @@ def watch(
 ) -> None:
     """Show an episode at the chosen speed; without a viewer, run it as fast as possible.
 
-    The last picture stays until the user closes it, if the viewer has keys.
+    The last picture stays until the user closes it, if the viewer has keys. Ctrl-C then closes it,
+    too: nothing is broken off.
 
     Args:
         episode: The episode.
@@ -49,35 +53,54 @@ def watch(
     """
     watched, ended, stale = not isinstance(viewer, NullViewer), False, True
     pace, shown = _Pace(controls), -inf
-    while not controls.closed:
-        if _handle_keys(viewer, controls):
-            pace.resume()
-            stale = True
-        jump, running = controls.take_jump(), not (controls.paused or episode.over)
-        if jump is not None:
-            episode.jump(*jump)
-            stale = True
-        elif running and (not watched or pace.wait <= 0):
-            before = episode.time
-            episode.advance()
-            update()
-            pace.follow(episode.time - before)
-            stale = True
-        if episode.over and not ended:
-            ended = True
-            at_end()
-        if watched and stale and (episode.over or time.monotonic() >= shown + 1 / FRAME_RATE):
-            viewer.show(episode.frame, _footer(episode, controls))
-            # From the end of drawing, so that a slow viewer leaves the episode time to run.
-            shown, stale = time.monotonic(), False
-        if ended and not viewer.lasting:
-            break
-        if watched:
-            time.sleep(
-                min(max(pace.wait, 0.0), _KEY_POLL_INTERVAL) if running else _KEY_POLL_INTERVAL
-            )
+    try:
+        while not controls.closed:
+            if _handle_keys(viewer, controls):
+                pace.resume()
+                stale = True
+            stale |= _advance(episode, controls, pace if watched else None, update)
+            if episode.over and not ended:
+                at_end()
+                ended = True
+            if watched and stale and (episode.over or time.monotonic() >= shown + 1 / FRAME_RATE):
+                viewer.show(episode.frame, _footer(episode, controls))
+                # From the end of drawing, so that a slow viewer leaves the episode time to run.
+                shown, stale = time.monotonic(), False
+            if ended and not viewer.lasting:
+                break
+            if watched:
+                is_running = not (controls.paused or episode.over)
+                wait = max(pace.wait, 0.0) if is_running else _KEY_POLL_INTERVAL
+                time.sleep(min(wait, _KEY_POLL_INTERVAL))
+    except KeyboardInterrupt:
+        if not ended:
+            raise
     if not ended:
         at_end()
+
+
+def _advance(
+    episode: PlayedEpisode,
+    controls: Controls,
+    pace: _Pace | None,
+    update: Callable[[], None],
+) -> bool:
+    """Take the jump that was asked for, or the step that is due; return whether there was one.
+
+    Without a pace, a step is always due.
+    """
+    jump = controls.take_jump()
+    if jump is not None:
+        episode.jump(*jump)
+        return True
+    if controls.paused or episode.over or (pace is not None and pace.wait > 0):
+        return False
+    before = episode.time
+    episode.advance()
+    update()
+    if pace is not None:
+        pace.follow(episode.time - before)
+    return True
 
 
 def _handle_keys(viewer: Viewer, controls: Controls) -> bool:
@@ -126,52 +149,36 @@ def _footer(episode: PlayedEpisode, controls: Controls) -> Footer:
 def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Viewer, StepCallback]]:
     """Open a window if there is a display, otherwise use the terminal, otherwise nothing.
 
-    Unless the terminal shows the episode, a line on stderr shows the progress.
+    Unless the terminal shows the episode, stderr shows the progress.
 
     Args:
         title: Title of the episode.
         steps: Largest number of steps of the episode.
-        headless: Whether to show only the progress line.
+        headless: Whether to show only the progress.
 
     Yields:
         The viewer, and a callable to call after each step.
     """
     window = None if headless else _open_window(title)
-    if window is None and not headless and sys.stdout.isatty():
+    if window is None and not headless and can_redraw(sys.stdout):
         from albot_env.rendering.terminal import TerminalView
 
         with closing(TerminalView(Console())) as view:
             yield view, _update_nothing
         return
-    progress = Progress(
-        # Markup would turn `:office:` in a world's name into an emoji.
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=None),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        expand=True,
-    )
-    with closing(window or NullViewer()) as viewer, progress:
-        task = progress.add_task(title, total=steps, rate="")
-        began, done = time.monotonic(), 0
-
-        def update() -> None:
-            nonlocal done
-            done += 1
-            rate = done / max(time.monotonic() - began, 1e-6)
-            progress.update(task, advance=1, rate=f"{rate:.0f} steps/s")
-
-        yield viewer, update
+    with (
+        closing(window or NullViewer()) as viewer,
+        progress(title, steps, "steps", every=EVERY) as tell,
+    ):
+        numbers = count(1)
+        yield viewer, lambda: tell(next(numbers))
 
 
 def keys_expected() -> bool:
     """Return whether a viewer with keys seems available, without opening one."""
     from albot_env.rendering.display import display_found
 
-    streams = (sys.stdin, sys.stdout)
-    return display_found() or all(stream is not None and stream.isatty() for stream in streams)
+    return display_found() or (can_redraw(sys.stdin) and can_redraw(sys.stdout))
 
 
 StepCallback = Callable[[], None]

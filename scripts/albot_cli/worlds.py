@@ -11,7 +11,8 @@ import click
 import numpy as np
 
 from albot_cli import completion
-from albot_cli.outputs import FORCE, check_file, check_folder, check_png, filled_folder
+from albot_cli.count_type import CountType
+from albot_cli.outputs import FORCE, JSON, check_file, check_folder, check_png, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
@@ -22,7 +23,6 @@ from albot_core.robot import DEFAULT_ROBOT, choose_robot
 from albot_maps import ROBOT_RADIUS, World, catalogue_names, load_world
 from albot_maps.formats.world_file import world_text
 
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
 _MOST_ON_A_SHEET = 100
 _MOVABLES = {"doors": "door", "boxes": "box", "walkers": "walker"}
 _WORLD = click.argument("spec", metavar="WORLD", shell_complete=completion.world_names)
@@ -42,7 +42,7 @@ def command() -> None:
 
 
 @command.command("list")
-@_JSON
+@JSON
 def list_worlds(as_json: bool) -> None:
     """List the worlds that come with the project."""
     worlds = [summary(load_world(name)) for name in catalogue_names()]
@@ -59,7 +59,7 @@ def list_worlds(as_json: bool) -> None:
 @click.option("--png", type=PathType(), help="Draw its floor plan to a file.")
 @FORCE
 @_STRICT
-@_JSON
+@JSON
 def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) -> None:
     """Describe WORLD, and draw it."""
     check_png(png, force=force)
@@ -77,7 +77,7 @@ def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) 
 @_WORLD
 @robot_option
 @_STRICT
-@_JSON
+@JSON
 def check(spec: str, robot: str | None, strict: bool, as_json: bool) -> None:
     """Check that WORLD can be read and is valid; list what its reader left out.
 
@@ -98,7 +98,7 @@ def check(spec: str, robot: str | None, strict: bool, as_json: bool) -> None:
 @click.option("-o", "--out", type=PathType(), required=True, help="A .yaml file.")
 @FORCE
 @_STRICT
-@_JSON
+@JSON
 def convert(spec: str, out: Path, force: bool, strict: bool, as_json: bool) -> None:
     """Write WORLD, whatever its format, as albot-world YAML."""
     if out.suffix not in {".yaml", ".yml"}:
@@ -150,14 +150,14 @@ def _default(value: object, usual: int | None) -> str:
 @click.argument("kind", shell_complete=completion.kind_names)
 @click.option(
     "--count",
-    type=click.IntRange(1, 1_000_000),
+    type=CountType(1, 1_000_000),
     default=1,
     show_default=True,
     help="Number of worlds.",
 )
 @click.option(
     "--seed",
-    type=click.IntRange(0),
+    type=CountType(0),
     default=0,
     show_default=True,
     help="Seed of the first world; the others follow.",
@@ -172,7 +172,7 @@ def _default(value: object, usual: int | None) -> str:
 @click.option("--out", type=PathType(), help="The folder to write YAML files to.")
 @click.option("--png", type=PathType(), help="Draw all of them on one sheet.")
 @FORCE
-@_JSON
+@JSON
 def make(
     kind: str,
     count: int,
@@ -209,11 +209,11 @@ def make(
         from albot_maps.drawing import save_sheet  # matplotlib is slow to load
 
         save_sheet(drawn, png)
-    if as_json:
-        click.echo(json.dumps({"worlds": made, "png": str(png) if png else None}))
-        return
-    for facts in made:
-        click.echo(f"{facts['source']}  {one_line(facts)}")
+    sheet = [str(png)] if png else []
+    facts = {"worlds": made, "png": sheet[0] if sheet else None}
+    rows = ((each["source"], one_line(each), each["file"]) for each in made)
+    lines = ("  ".join(filter(None, row)) for row in rows)
+    click.echo(json.dumps(facts) if as_json else "\n".join((*lines, *sheet)))
 
 
 def summary(world: World) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 
+from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -71,7 +72,7 @@ python -m albot_reliability page
     type=click.FloatRange(0, 1, min_open=True),
     help="Measure less, to try it.",
 )
-@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
 @click.option(
     "--out",
     default=Path("docs/reliability.md"),

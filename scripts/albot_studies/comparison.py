@@ -19,6 +19,7 @@ from PIL import Image
 
 from albot_cli.compare import explored_sources, recorded_sources
 from albot_cli.comparison_report import FIGURES, as_markdown, panels_of, rows_of
+from albot_cli.count_type import CountType
 from albot_cli.mapper_runs import MapperChoice, Source, compare_mappers
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
@@ -142,7 +143,7 @@ own pages. The systems of metric SLAM were tuned on Intel alone, and looked at o
     help="Mappers to measure again; repeatable.  [default: all]",
 )
 @click.option(
-    "--jobs", default=1, show_default=True, type=click.IntRange(1), help="Number of processes."
+    "--jobs", default=1, show_default=True, type=CountType(1), help="Number of processes."
 )
 @click.option("--page-only", is_flag=True, help="Measure nothing; only write the page again.")
 @click.option(
@@ -165,6 +166,7 @@ def command(
         for name in sources or SOURCES:
             _measure(folder / name, SOURCES[name].read(Path(data) / "logs"), asked, jobs)
     write_text(out, _page(folder))
+    click.echo(f"{out}, figures and pictures in {folder}")
 
 
 def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: int) -> None:

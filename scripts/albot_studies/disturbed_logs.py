@@ -15,6 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
+from albot_cli.count_type import CountType
 from albot_cli.mapping_run import run_mapper
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
@@ -140,12 +141,10 @@ def page(measured: dict[str, Any], command: str) -> str:
 @click.argument("folder", type=PathType())
 @click.option("--log", "names", multiple=True, type=click.Choice(sorted(LOGS)), help="Only this.")
 @click.option("--mapper", default="albot1", show_default=True)
-@click.option("--runs", default=20, show_default=True)
+@click.option("--runs", default=20, show_default=True, type=CountType(1))
 @click.option("--out", type=PathType(), help="Where both files go.")
 def command(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: Path | None) -> None:
     """Map the logs in FOLDER under every disturbance, many times."""
-    if runs < 1:
-        raise InputError("--runs", "a whole number from 1", str(runs))
     if out is not None:
         make_folder(out)
     measured: dict[str, Any] = {"mapper": mapper, "runs": runs, "logs": {}}
@@ -164,3 +163,4 @@ def command(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: P
             out / "robustness.md",
             page(measured, f"albot experiment study disturbed-logs LOGS {options}"),
         )
+        click.echo(f"{out / 'robustness.json'}\n{out / 'robustness.md'}")

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, trajectory_error
@@ -27,7 +28,7 @@ SURE = np.diag((2500.0, 2500.0, 10000.0))
 @click.argument("log", type=PathType())
 @click.option("--reference", type=PathType(), required=True)
 @click.option("--share", default=0.1, show_default=True, help="Of the closures that were found.")
-@click.option("--runs", default=20, show_default=True)
+@click.option("--runs", default=20, show_default=True, type=CountType(1))
 def command(log: Path, reference: Path, share: float, runs: int) -> None:
     """Map LOG, add false closures, and print the ATE of the corrected poses before and after."""
     recorded, truth = read_log(log), read_reference(reference)

@@ -19,6 +19,7 @@ from albot_agents.evaluation.plan import Trial, parse_seeds
 from albot_agents.evaluation.summary import summarise
 from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_agents.registry import find_agent
+from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.files import atomic_write, write_text
@@ -150,7 +151,7 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
 @click.option("--seeds", default="40000..40019", show_default=True)
 @click.option("--out", type=PathType(), help="File for the tables, as Markdown.")
 @click.option("--png", type=PathType(), help="File for the picture.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     agents: tuple[str, ...],
     lengths: tuple[float, ...],

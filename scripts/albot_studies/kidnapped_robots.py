@@ -24,6 +24,7 @@ import numpy as np
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import patrol
+from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.evaluation.intervals import wilson
 from albot_core.files import write_text
@@ -143,7 +144,7 @@ def measure(worlds: str, seeds: range, mapper: str, after: int = AFTER) -> dict[
     "--after",
     default=AFTER,
     show_default=True,
-    type=click.IntRange(SOON),
+    type=CountType(SOON),
     help="Readings after the robot was moved.",
 )
 @click.option("--json", "out", type=PathType(), help="File for the figures.")
@@ -159,3 +160,5 @@ def command(worlds: str, seeds: str, mapper: str, after: int, out: Path | None) 
         f"them know where they are, {found['mistaken']} are mistaken, the others know that they "
         f"are lost; {found['false_alarm']} false alarms before"
     )
+    if out is not None:
+        click.echo(str(out))

@@ -20,6 +20,7 @@ from jaxtyping import Int64
 
 from albot_agents.agent import EnvironmentConfigs
 from albot_agents.evaluation.plan import parse_seeds
+from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -392,7 +393,7 @@ def _draw_curve(
 @click.option("--networks", default=Plan.seeds, show_default=True, type=click.IntRange(1))
 @click.option("--out", type=PathType(), help="File for the tables, as Markdown.")
 @click.option("--png", type=PathType(), help="File for the picture.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     tasks: tuple[str, ...],
     worlds: str,

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import minimize
 
 from albot_agents.evaluation.plan import parse_seeds
+from albot_cli.count_type import CountType
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.geometry.types import Pose
@@ -140,7 +141,7 @@ def fit(examples: Examples) -> Float64[np.ndarray, "5"]:
 @click.command()
 @click.option("--worlds", multiple=True, default=WORLDS, help="The worlds; SEED stands for each.")
 @click.option("--seeds", default="7000..7014", show_default=True)
-@click.option("--repeats", default=4, show_default=True, type=click.IntRange(1))
+@click.option("--repeats", default=4, show_default=True, type=CountType(1))
 def command(worlds: tuple[str, ...], seeds: str, repeats: int) -> None:
     """Print the weights, and how often the likeliest hypothesis is right."""
     examples = gather(worlds, parse_seeds(seeds), repeats)

@@ -15,10 +15,10 @@ from typing import Any
 import click
 import numpy as np
 
+from albot_cli.count_type import CountType
 from albot_cli.explored_logs import Exploration, explore
 from albot_cli.mapping_run import run_mapper
 from albot_cli.path_type import PathType
-from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import write_text
 from albot_core.logs.disturbed import with_reset
@@ -92,14 +92,18 @@ def table(measured: dict[str, dict[str, list[dict[str, Any]]]]) -> str:
 @click.argument("folder", type=PathType())
 @click.option("--log", "names", multiple=True, type=click.Choice([*LOGS, *WORLDS]))
 @click.option("--mapper", "mappers", multiple=True, default=MAPPERS, show_default=True)
-@click.option("--scans", default=2, show_default=True, help="Scans a length, twice: with a turn.")
+@click.option(
+    "--scans",
+    default=2,
+    show_default=True,
+    type=CountType(1),
+    help="Scans a length, twice: with a turn.",
+)
 @click.option("--out", type=PathType(), help="File for the table.")
 def command(
     folder: Path, names: tuple[str, ...], mappers: tuple[str, ...], scans: int, out: Path | None
 ) -> None:
     """Insert resets of the odometer into logs of FOLDER and of simulated worlds, and map them."""
-    if scans < 1:
-        raise InputError("--scans", "a whole number from 1", str(scans))
     measured: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for name in names or (*LOGS, *WORLDS):
         log, truth = any_log(folder, name)
@@ -110,3 +114,4 @@ def command(
     click.echo(table(measured), nl=False)
     if out is not None:
         write_text(out, table(measured))
+        click.echo(str(out))

@@ -237,3 +237,5 @@ def command(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -
         f"recognitions), a wrong door in {found['worlds_with_a_wrong_door']} "
         f"({found['wrong_doors']} of {found['known_doors']} known doors)"
     )
+    if out is not None:
+        click.echo(str(out))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 import numpy as np
 
+from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.files import atomic_write
@@ -59,7 +60,7 @@ class Memory(NamedTuple):
 
 
 @click.command()
-@click.option("--laps", default=10, show_default=True, type=click.IntRange(2))
+@click.option("--laps", default=10, show_default=True, type=CountType(2))
 @click.option(
     "--out",
     default=Path("docs/images/slam_growth.png"),
@@ -91,6 +92,7 @@ def command(laps: int, out: Path) -> None:
             name = f"{memory.particles} particles, {what}"
             click.echo(f"{name:28}" + " ".join(f"{count:9,}" for count in squares))
     draw(scans, costs, memories, out)
+    click.echo(str(out))
 
 
 def drive_laps(laps: int) -> list[list[Reading]]:

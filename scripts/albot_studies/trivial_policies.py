@@ -30,6 +30,7 @@ import numpy as np
 from albot_agents.agent import EnvironmentConfigs
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.registry import make_agent
+from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.evaluation.intervals import bootstrap
 from albot_core.files import write_text
@@ -311,7 +312,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 @click.option("--worlds", default="random:office:SEED", show_default=True)
 @click.option("--seeds", default="31000..31019", show_default=True)
 @click.option("--out", type=PathType(), help="File for the table, as Markdown.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+@JSON
 def command(
     tasks: tuple[str, ...], worlds: str, seeds: str, out: Path | None, as_json: bool
 ) -> None:
@@ -319,4 +320,7 @@ def command(
     rows = measure(tasks or tuple(TASKS), worlds, parse_seeds(seeds))
     if out is not None:
         write_text(out, table(rows))
-    click.echo(json.dumps({"rows": rows}) if as_json else table(rows))
+    files = [] if out is None else [str(out)]
+    click.echo(json.dumps({"rows": rows, "files": files}) if as_json else table(rows))
+    if not as_json and files:
+        click.echo(files[0])

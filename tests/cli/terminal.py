@@ -1,4 +1,4 @@
-"""A command in a terminal of 80 columns and 24 rows, and a person who types in it."""
+"""A command in a terminal, by default of 80 columns and 24 rows, and a person who types in it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ class Terminal:
         *arguments: str,
         code: str = MAIN,
         environment: Mapping[str, str] | None = None,
+        size: tuple[int, int] = (80, 24),
     ) -> None:
         self._person, self.own_end = pty.openpty()
-        fcntl.ioctl(self.own_end, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+        fcntl.ioctl(self.own_end, termios.TIOCSWINSZ, struct.pack("HHHH", *reversed(size), 0, 0))
         self.settings = termios.tcgetattr(self.own_end)
         dropped = ("DISPLAY", "WAYLAND_DISPLAY", "COLUMNS", "LINES")
         kept = {name: value for name, value in os.environ.items() if name not in dropped}

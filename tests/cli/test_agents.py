@@ -45,6 +45,16 @@ def test_a_card_of_another_name_than_md_is_refused(tmp_path: Path, name: str) ->
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_of_another_kind_is_told_first(episode_file: Path) -> None:
+    """Not that the picture beside it exists."""
+    episode_file.with_suffix(".png").touch()
+    words = ["agents", "card", str(episode_file)]
+    with pytest.raises(InputError) as caught:
+        CliRunner().invoke(albot, words, catch_exceptions=False)
+    expected = "expected the file of a trained agent, found a recorded episode"
+    assert str(caught.value) == f"{episode_file}: {expected}"
+
+
 @pytest.mark.parametrize("name", ["a.md", "a.png"])
 def test_a_card_does_not_overwrite_its_agent(tmp_path: Path, name: str) -> None:
     agent = tmp_path / name

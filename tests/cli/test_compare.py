@@ -82,7 +82,7 @@ def test_what_was_not_read_is_said(corridor, call, tmp_path, in_process):
     path.write_text("\n".join([*lines[:20], lines[20][:300]]))
     words = ("compare", path, "--mappers", "odometry", "--keep-going")
     assert "line 21" in figures(call(*words, "--json"))["left_out"]["reason"]
-    assert "not read: 1 line, 1 scan (" in call(*words).stdout
+    assert "not read: 1 line, 1 scan, line 21 (" in call(*words).stdout
 
 
 def test_a_reference_of_another_log_is_named(corridor, call, tmp_path, in_process):

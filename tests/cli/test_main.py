@@ -16,7 +16,8 @@ import yaml
 
 import albot_env
 from albot_agents.registry import EXPLORE, agent_names
-from albot_cli import mappers
+from albot_cli import mappers, progress
+from albot_cli.count_type import CountType
 from albot_cli.group import albot
 from albot_cli.main import main
 from albot_cli.path_type import PathType
@@ -130,6 +131,40 @@ def test_an_empty_path_is_refused_by_every_command(
     assert ended.value.code == 2
     message = "albot: Invalid value for '--out': expected a path, found ''.\n"
     assert capsys.readouterr() == ("", message)
+
+
+def test_all_progress_goes_by_one_rule() -> None:
+    """Only one module draws any, and it draws none where a program reads."""
+    scripts = Path(progress.__file__).parents[1]
+    drawing = [path.name for path in scripts.rglob("*.py") if "rich.progress" in path.read_text()]
+    assert drawing == ["progress.py"]
+    flags = [
+        parameter
+        for command in _commands(albot, click.Context(albot))
+        for parameter in command.params
+        if "--json" in parameter.opts and parameter.name == "as_json"
+    ]
+    assert len(flags) > 15
+    assert {flag.help for flag in flags if isinstance(flag, click.Option)} == {
+        "Print one JSON object, and show no progress."
+    }
+
+
+def test_whole_numbers_are_read_as_people_write_them() -> None:
+    ranges = [
+        (command, parameter)
+        for command in _commands(albot, click.Context(albot))
+        for parameter in command.params
+        if isinstance(parameter.type, click.types.IntParamType)
+    ]
+    assert len(ranges) > 15
+    for command, parameter in ranges:
+        assert isinstance(parameter.type, CountType), (command.name, parameter.name)
+    for text, number in (("1e3", 1000), ("2.5E2", 250), ("1_000", 1000), ("7", 7)):
+        assert CountType(1).convert(text, None, None) == number
+    for text in ("1.5", "1e-1", "nan", "inf", "1e999999999", "", "x", "0"):
+        with pytest.raises(click.BadParameter):
+            CountType(1).convert(text, None, None)
 
 
 @pytest.mark.parametrize("words", [("play",), ("stress",)])

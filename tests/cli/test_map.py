@@ -119,20 +119,18 @@ def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, 
     assert (tmp_path / "out" / "recognition.png").read_bytes().startswith(b"\x89PNG")
     # A corridor once along: nothing is seen twice, and whatever is claimed is a false alarm.
     assert found["queries"] == 0
-    assert found["recall"] == {"1.00": 0.0, "0.99": 0.0, "0.95": 0.0}
-    assert "recognised of 0 places seen before" in call(*asked).stdout
+    assert found["recall"] == {"1.00": None, "0.99": None, "0.95": None}
+    assert "recognised: nothing to measure, because no place was seen again" in call(*asked).stdout
     expect_error(call("map", corridor[0], "--recognition"), "--recognition", "a reference")
 
 
 def test_the_files(corridor, truth_file, call, tmp_path):
     out = tmp_path / "new" / "out"
-    expect_error(
-        call("map", corridor[0], "--out", out), "expected an existing parent folder", "found none"
-    )
-    out.parent.mkdir()
     found = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
     assert {path.name for path in out.iterdir()} == FILES | PLACES
     assert {Path(path) for path in found["files"].values()} == set(out.iterdir())
+    shown = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "again").stdout
+    assert all(f"  {path}\n" in shown for path in (tmp_path / "again").iterdir())
     assert list(out.parent.iterdir()) == [out]
     mapper = load_map(out / "map.albot")
     assert mapper.spec.name == "albot1"
@@ -272,18 +270,21 @@ def test_a_torn_episode_is_mapped_and_said_to_be_torn(episode_file, call, tmp_pa
     assert "not read: the rest (torn.mcap: never closed" in call("map", path).stdout
 
 
-def test_a_torn_log_and_its_good_beginning(corridor, call, tmp_path):
+def test_a_torn_log_and_its_good_lines(corridor, call, tmp_path):
     path = tmp_path / "torn.log"
     lines = corridor[0].read_text().splitlines()
-    path.write_text("\n".join([*lines[:20], lines[20][:300], *lines[21:23]]))
-    expect_error(call("map", path), "torn.log, line 21: expected")
+    bad = "ODOM 1 2 x 0 0 0 1 robot 1"
+    path.write_text("\n".join([bad, *lines[:19], lines[19][:300], *lines[20:23]]))
+    expect_error(call("map", path), "torn.log, line 1: expected")
     found = figures(call("map", path, "--keep-going", "--json"))
-    assert found["scans"] == 20
-    assert found["left_out"]["lines"] == 3
-    assert found["left_out"]["scans"] == 3
-    assert "line 21" in found["left_out"]["reason"]
+    assert found["scans"] == 22
+    assert found["left_out"]["lines"] == 2
+    assert found["left_out"]["scans"] == 1
+    assert "line 1: " in found["left_out"]["reason"]
     shown = call("map", path, "--keep-going").stdout
-    assert "not read: 3 lines, 3 scans" in shown
+    assert "not read: 2 lines, 1 scan, lines 1, 21 (torn.log, line 1: " in shown.replace(
+        str(tmp_path) + "/", ""
+    )
     other = tmp_path / "other.tum"
     truth = corridor[1]
     write_tum(Trajectory(stamps=truth.stamps + 1e6, poses=truth.poses), other)

@@ -59,12 +59,13 @@ def test_what_is_no_file_of_the_disk_is_not_checked() -> None:
 
 def test_a_folder_is_refused_for_a_file_in_it_that_exists(tmp_path: Path) -> None:
     check_folder(tmp_path / "new", ["a.md"])
+    check_folder(tmp_path / "new" / "newer", ["a.md"])
     (tmp_path / "a.md").write_text("mine")
     check_folder(tmp_path, ["b.md"])
     check_folder(tmp_path, ["b.md", "a.md"], force=True)
     for folder, message in (
         (tmp_path, "no existing file"),
-        (tmp_path / "a" / "b", "parent folder"),
+        (tmp_path / "a.md" / "b" / "c", "a folder to write to, found a file at"),
     ):
         with pytest.raises(InputError, match=message):
             check_folder(folder, ["b.md", "a.md"])

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import math
+import sys
 
+import click
 import pytest
 
 from albot_cli import progress as progress_module
-from albot_cli.progress import progress
+from albot_cli.progress import can_redraw, progress
 
 
 @pytest.fixture
@@ -53,3 +56,41 @@ def test_who_wants_quiet_has_it(clock: list[float], capsys: pytest.CaptureFixtur
         clock[0] += 1e9
         update(10)
     assert capsys.readouterr().err == ""
+
+
+def test_the_time_left_goes_by_the_share_that_is_told(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress("warm-up", 10, "parts", every=0.0) as update:
+        clock[0] += 30.0
+        update(1, share=0.75)
+    assert capsys.readouterr().err == "warm-up: 1 of 10 parts, 0.033 parts/s, 0:00:10 left\n"
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_where_a_program_reads_no_progress_is_shown(
+    as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    for is_terminal in (False, True):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda seen=is_terminal: seen)
+        with click.Context(click.Command("x")) as context:
+            context.params["as_json"] = as_json
+            with progress("train", 10, "samples", every=0.0) as update:
+                update(5)
+        assert ("train" in capsys.readouterr().err) == (not as_json)
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("name", "redraws"), [("xterm", True), ("dumb", False), ("", True)])
+def test_a_dumb_terminal_cannot_draw_again(
+    name: str, redraws: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", name)
+    assert can_redraw(_Terminal()) == redraws
+    assert not can_redraw(io.StringIO())
+    assert not can_redraw(None)

@@ -79,7 +79,8 @@ def test_train_resume_evaluate_and_tell(
     parts = ("--worlds", "square-loop", "--seeds", "3", "--steps", 5, "--json")
     words = ("evaluate", TASK, "--agent", found["files"]["best"], "--outward", "1..2", *parts)
     status, out, err = run(*words)
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert err.startswith("albot: --outward 1..2: a journey goes on")
     evaluation = json.loads(out)
     assert (evaluation["mapper"], evaluation["episodes"]) == ("none", 1)
     assert evaluation["world_specs"] == ["square-loop"]
@@ -132,16 +133,17 @@ def test_without_a_terminal_lines_tell_how_it_goes(
     run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(train, "_EVERY", 0.0)
-    words = ("train", config, "--json", "--out")
+    words = ("train", config, "--out")
     status, out, err = run(*words, tmp_path / "run")
     assert status == 0
-    json.loads(out)
     last = err.splitlines()[-1]
     assert f"train {TASK}: 32 of 32 samples, " in last
     for parts in ("samples/s", " left, ", " episodes, ", "return ", "% success"):
         assert parts in last
-    status, out, err = run(*words, tmp_path / "quiet", "--quiet")
-    assert (status, err) == (0, "")
+    for flag in ("--quiet", "--json"):
+        status, out, err = run(*words, tmp_path / flag, flag)
+        assert (status, err) == (0, "")
+    json.loads(out)
 
 
 def test_ctrl_c_says_how_to_go_on(
@@ -205,6 +207,17 @@ def test_a_plan_that_is_refused_leaves_no_folder(run: Albot, tmp_path: Path) -> 
     assert "bad.yml, line" in err
     assert "policy.initial_action: expected 3 numbers, found 1" in err
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_may_stand_in_a_folder_that_is_not_there_yet(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for words in (("--out", "deep/runs/mine"), ()):
+        status, _, err = run("train", "--config", config, "--quiet", *words)
+        assert (status, err) == (0, "")
+    assert Path("deep/runs/mine/last.albot").is_file()
+    assert Path("runs/Homing-v0-ppo-1/last.albot").is_file()
 
 
 def test_what_is_not_installed_is_told(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from albot_agents.registry import agent_names
-from albot_agents.task import is_probe, short_name, task_names
+from albot_agents.task import is_probe, short_name, task_names, untwinned
 from albot_cli import warm_up
 from albot_cli.group import albot
 from albot_core.kernels.compiled import kernel
@@ -100,7 +100,7 @@ def test_warm_up_says_how_far_it_has_come(monkeypatch: pytest.MonkeyPatch) -> No
         def __init__(self, *_: object, **__: object) -> None: ...
 
         def __enter__(self) -> Any:
-            return lambda done, note="": found.append((done, note))
+            return lambda done, note="", share=None: found.append((done, note))
 
         def __exit__(self, *_: object) -> None: ...
 
@@ -110,6 +110,29 @@ def test_warm_up_says_how_far_it_has_come(monkeypatch: pytest.MonkeyPatch) -> No
     assert found == [(0, "one"), (1, "two"), (2, "")]
 
 
+def test_the_time_left_goes_by_what_is_compiled_and_else_by_the_parts() -> None:
+    """Most code is compiled in the first parts: their number alone would tell of half an hour."""
+    assert warm_up._share(0.0, 0.0) == 0.0
+    assert warm_up._share(0.5, 0.0) == 0.5  # All was compiled before.
+    assert warm_up._share(0.1, 0.5) == pytest.approx(0.42)
+    assert warm_up._share(1.0, 0.5) == warm_up._share(0.5, 2.0) == 1.0
+    assert warm_up._kernel_count() > 500
+
+
+def test_a_mark_holds_where_the_compiled_code_was_copied_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()  # The folder's own names.
+    folders = [tmp_path / name / "albot_core" for name in ("here", "there")]
+    found = []
+    for folder in folders:
+        (folder / "a" / "__pycache__").mkdir(parents=True)
+        (folder / "a" / "__pycache__" / "b.nbi").touch()
+        monkeypatch.setattr(warm_up, "_packages", lambda folder=folder: [folder])
+        found.append(warm_up._indices())
+    assert found[0] == found[1] == {"albot_core/a/__pycache__/b.nbi"}
+
+
 def test_warm_up_runs_whatever_is_registered() -> None:
     names = [name for name, _ in warm_up._parts()]
     assert len(set(names)) == len(names)
@@ -117,6 +140,8 @@ def test_warm_up_runs_whatever_is_registered() -> None:
         assert f"{mapper} in a batch" in names
     for task in (name for name in task_names() if not is_probe(name)):
         assert f"a batch for {short_name(task)}" in names
+        if untwinned(task) != task:
+            continue  # Its agents run the same code.
         assert {f"{agent} at {short_name(task)}" for agent in agent_names(task)} <= set(names)
 
 

@@ -126,31 +126,19 @@ def test_nobody_waits_for_minutes_between_two_stops(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("title", ["albot1 in random:office:42", "run{1}.mcap", "[bold]a[/b]"])
-def test_titles_stand_below_the_stage_as_they_are(
-    title: str, capsys: pytest.CaptureFixture[str]
+def test_without_a_terminal_lines_tell_how_far_it_is(
+    title: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(module, "EVERY", 0.0)
     with open_viewer(title, 3, headless=True) as (viewer, update):
         assert isinstance(viewer, NullViewer)
         update()
-    assert title in capsys.readouterr().err
+        update()
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(", ")[0] for line in lines] == [f"{title}: {k} of 3 steps" for k in (1, 2)]
 
 
-def test_the_rate_below_the_stage_is_that_since_it_opened(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    clock = Clock()
-    clock.now = 1e6  # The machine has run for days.
-    monkeypatch.setattr(module, "time", clock)
-    with open_viewer("a", 3, headless=True) as (_, update):
-        for seconds in (0.1, 0.2, 0.7):
-            clock.sleep(seconds)
-            update()
-    shown = capsys.readouterr().err
-    assert "3/3" in shown
-    assert " 3 steps/s" in shown
-
-
-def test_so_do_descriptions_before_a_progress_bar(
+def test_descriptions_stand_before_a_progress_bar_as_they_are(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
@@ -213,7 +201,7 @@ def test_keys_pause_step_seek_and_change_the_speed(dummy: None, episode_file: Pa
     speeds = [footer.status.split(" · ")[1] for footer in window.footers]
     assert speeds[4:7] == ["×1e-09", "×2e-09", "×2e-09"]  # No key makes it as slow as that.
     assert f"step {end} of {end} · 0:0{end / 10} of 0:0{end / 10}" in window.footers[8].status
-    assert window.footers[0].keys.endswith("q close")
+    assert window.footers[0].keys.endswith("? keys · q close")
     assert [window.footers[k].share for k in (7, 8)] == [0.0, 1.0]
 
 
@@ -280,7 +268,11 @@ def test_who_drives_must_be_heard() -> None:
 
 def test_keys_in_a_terminal(episode_file: Path) -> None:
     with Terminal(episode_file.parent, "play", episode_file.name, "--speed", "0.001") as terminal:
-        terminal.wait_for(r"space pause · n step · b back · arrows 10 s · home/end")
+        terminal.wait_for(r"space pause · n step · b back · arrows 10 s · \+/- speed · \? keys")
+        terminal.type("?")
+        terminal.wait_for(r"home, end +to the beginning, to the end")
+        terminal.type("h")
+        terminal.wait_for("[\u2801-\u28ff]{3}")
         terminal.type(" ")
         terminal.wait_for(r"paused · ×0.001 · step (\d+) of")
         terminal.type("\x1b[H")
@@ -299,6 +291,40 @@ def test_keys_in_a_terminal(episode_file: Path) -> None:
         assert "m driven" in terminal.shown  # The summary.
         assert termios.tcgetattr(terminal.own_end) == terminal.settings
         assert not select.select([terminal.own_end], [], [], 0)[0]
+
+
+def test_ctrl_c_after_the_last_step_closes_and_breaks_nothing_off(episode_file: Path) -> None:
+    with Terminal(episode_file.parent, "play", episode_file.name, "--speed", "1000") as terminal:
+        terminal.wait_for("the end · ×1000")
+        terminal.type("\x03")
+        assert terminal.finish() == 0
+        assert "m driven" in terminal.shown  # The summary.
+        assert "stopped" not in terminal.shown
+        assert termios.tcgetattr(terminal.own_end) == terminal.settings
+
+
+def test_a_terminal_that_is_too_small_says_how_large_it_must_be(episode_file: Path) -> None:
+    arguments = ("play", episode_file.name, "--speed", "1000")
+    with Terminal(episode_file.parent, *arguments, size=(40, 12)) as terminal:
+        terminal.wait_for("too small: 40 × 12 characters")
+        terminal.wait_for("needed: 60 × 16")
+        terminal.wait_for("the end")
+        terminal.type("q")
+        assert terminal.finish() == 0
+
+
+def test_a_terminal_that_cannot_redraw_gets_lines_and_waits_for_no_key(
+    episode_file: Path,
+) -> None:
+    every = "import albot_cli.watch as w\nw.EVERY = 0.0\n"
+    arguments = ("play", episode_file.name)
+    with Terminal(
+        episode_file.parent, *arguments, code=every + MAIN, environment={"TERM": "dumb"}
+    ) as terminal:
+        terminal.wait_for(r"watched.mcap: \d+ of 40 steps, .* steps/s, 0:00:00 left")
+        assert terminal.finish() == 0
+        assert "m driven" in terminal.shown
+        assert not any("\u2801" <= character <= "\u28ff" for character in terminal.shown)
 
 
 BROKEN = "import albot_env.rendering.terminal as t\ndef draw_text(*_): raise RuntimeError('torn')\n"

@@ -107,9 +107,17 @@ def test_no_folder_is_made_unasked(tmp_path: Path, linked: bool) -> None:
         path.symlink_to(Path("gone") / "a")
     with pytest.raises(InputError, match=r"expected an existing folder .*gone, found none"):
         write_text(path, "new")
-    with pytest.raises(InputError, match=r"expected an existing parent folder .*gone, found none"):
-        make_folder(tmp_path / "gone" / "new")
     assert not (tmp_path / "gone").exists()
+
+
+def test_a_folder_is_made_with_those_above_it(tmp_path: Path) -> None:
+    make_folder(tmp_path / "a" / "b")
+    make_folder(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    (tmp_path / "a" / "file").touch()
+    for path, found in (("file", "a file"), ("file/c", "Not a directory")):
+        with pytest.raises(InputError, match=f"expected a folder to write to, found {found}"):
+            make_folder(tmp_path / "a" / path)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -139,6 +147,12 @@ def test_a_new_folder_goes_with_what_failed_in_it(tmp_path: Path) -> None:
         write_text(tmp_path / "new" / "a", "a")
         raise KeyboardInterrupt
     assert _names(tmp_path) == []
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "new" / "b" / "c"):
+        (tmp_path / "new" / "other").touch()  # Somebody else's.
+        raise KeyboardInterrupt
+    assert _names(tmp_path / "new") == ["other"]
+    (tmp_path / "new" / "other").unlink()
+    (tmp_path / "new").rmdir()
     with new_folder(tmp_path / "old"):
         write_text(tmp_path / "old" / "a", "a")
     with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "old"):

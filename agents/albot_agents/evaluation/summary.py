@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.evaluation.trial import Outcome, area_under
+from albot_agents.evaluation.trial import HORIZON, Outcome, area_under
 from albot_core.evaluation.intervals import bootstrap, wilson
 
 _SEED = 0
@@ -24,7 +24,8 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     - `collisions_per_m`, which counts beginnings of contact.
     - `coverage_auc`, the mean share of ground covered over the first 200 m driven (`area_under`),
       and `rooms_share`, the mean share of rooms entered by the end; each with a bootstrapped 95 %
-      interval.
+      interval. In an episode that ends before, no more is covered. `coverage_episodes` is the
+      number of episodes that drove 200 m; without one, `coverage_auc` is None.
     - `precision` and `recall` over all judged places, or over all claims to know a room, and the
       number of `revisits`.
 
@@ -72,18 +73,26 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "mean_way_m": driven / len(outcomes) if outcomes else None,
         "mean_coverage": _mean([end.get("coverage") for end in ends]),
         "coverage_auc": _mean(_areas(outcomes)),
+        "coverage_episodes": _far(outcomes),
         "rooms_share": _mean(_rooms(outcomes)),
         "rooms_share_median": _median(_rooms(outcomes)),
         "mean_position_error_m": _mean([end["position_error"] for end in ends]),
-        **_places(ends),
+        **place_figures(ends),
         "cut_short": sum(bool(end.get("outward_cut_short")) for end in ends),
         "collisions_per_m": collisions / driven if driven else None,
     }
 
 
 def _areas(outcomes: Sequence[Outcome]) -> list[float]:
-    """Return the area under each coverage curve."""
+    """Return the area under each coverage curve; none if no episode drove as far."""
+    if not _far(outcomes):
+        return []
     return [area_under(each.coverage_curve) for each in outcomes if len(each.coverage_curve)]
+
+
+def _far(outcomes: Sequence[Outcome]) -> int:
+    """Return the number of episodes with a coverage curve that drove all of it."""
+    return sum(each.driven >= HORIZON for each in outcomes if len(each.coverage_curve))
 
 
 def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
@@ -91,7 +100,7 @@ def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
     return [each.info["rooms_entered"] / each.rooms for each in outcomes if each.rooms]
 
 
-def _places(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def place_figures(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return precision and recall over all judged or claimed places.
 
     Both are None if the task judges no places. Precision is None if nothing is claimed, and recall

@@ -16,6 +16,7 @@ from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
+from albot_core.file_kinds import AGENT, kind_of
 from albot_core.plain_data import Location, read_config, read_record, to_plain
 from albot_core.yaml_document import format_value
 from albot_env.tasks.core.actions import ActionConfig
@@ -154,6 +155,9 @@ def read_agent(path: Path) -> AgentFile:
         InputError: The file is missing, truncated, of another version, or has missing, invalid
             or extra content; the message names the place in the file.
     """
+    kind = kind_of(path)
+    if kind not in ("", AGENT):
+        raise InputError(path, AGENT, kind)
     header, weights = FORMAT.read(path)
     where = Location(f"{path}, {HEADER}")
     kinds = {"task": str, "settings": dict[str, Any], "discrete": bool}

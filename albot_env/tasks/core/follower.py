@@ -101,6 +101,7 @@ class EpisodeFollower:
             laser=config.laser,
             sonar=config.sonar,
             agent=self.agent,
+            way_out=robots.way_out(row),
         )
 
 

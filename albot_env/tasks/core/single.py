@@ -179,6 +179,11 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         return self._robot.journeys
 
     @property
+    def most_steps(self) -> int | None:
+        """Number of steps after which the task ends the episode at the latest; None if unknown."""
+        return self._robot.most_steps(0)
+
+    @property
     def frame(self) -> Frame:
         """The present moment to be drawn. It holds the truth: for people, not for agents.
 

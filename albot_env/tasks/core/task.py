@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Readings
@@ -163,6 +163,17 @@ class Task(ABC):
     def dynamic_obstacles(self, row: int) -> Segments:
         """Return the outlines of the moving obstacles around a robot now (world frame)."""
         return np.empty((0, 4))
+
+    def most_steps(self, row: int) -> int | None:
+        """Return the number of steps after which a robot's episode ends at the latest, if known."""
+        return None
+
+    def way_out(self, row: int) -> Points:
+        """Return the true path that led a robot to where its episode began (world frame, m).
+
+        It is empty where the episode began at home, or was continued from a state.
+        """
+        return np.empty((0, 2))
 
     @abstractmethod
     def close(self) -> None:

@@ -126,6 +126,10 @@ class ExploreAndHomeTask(DrivingTask):
         self._fields = with_field(self._fields, row, self._distance_fields.find(world, start))
         update_way_home(row, float(start[0]), float(start[1]), self._fields, self._trips)
 
+    def most_steps(self, row: int) -> int:
+        """Return the time budget."""
+        return int(self._trips.budgets[row])
+
     def _task_state(self, row: int) -> Arrays:
         return {
             **self._judge.state(row, int(self._stats.steps[row])),

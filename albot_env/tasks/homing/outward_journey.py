@@ -18,7 +18,7 @@ from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import SteeringConfig
@@ -71,6 +71,8 @@ class OutwardJourney:
     """Where it has been: see `ClaimJudge.visited`."""
     readings: int
     """Number of readings that it has taken."""
+    path: Points
+    """Its true positions (world frame, m)."""
     field: DistanceField
     """Geodesic distances home from everywhere."""
     cut_short: bool
@@ -193,8 +195,10 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         follower = self._follower
         follower.begin(0, spec.world, spec.start, journey_noise(spec))
         follower.observe()
+        path = [follower.poses[0, :2].copy()]
         for command in route.commands:
             follower.follow(command)
+            path.append(follower.poses[0, :2].copy())
         readings = len(route.commands) + 1
         return OutwardJourney(
             world=spec.world,
@@ -202,6 +206,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
             end=follower.episode_snapshot(0),
             visited=follower.judge.visited(0, readings),
             readings=readings,
+            path=np.array(path),
             field=route.field,
             cut_short=route.cut_short,
         )

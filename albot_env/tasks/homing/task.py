@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Bool, Int64
 
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import POSITIVE, check_fields
 from albot_core.robot import CONTROL_STEP
@@ -114,6 +114,7 @@ class WayHomeTask(DrivingTask):
         )
         self._shared = journeys > 0
         self._outward_lengths = np.zeros(robots)
+        self._ways_out: list[Points] = [np.empty((0, 2))] * robots
         self._cut_short = np.zeros(robots, np.bool_)
         self._fields = empty_fields(robots)
         self._field_copies = FieldCopies(robots)
@@ -134,6 +135,7 @@ class WayHomeTask(DrivingTask):
         self.begin_return(row)
         self._judge.begin_after(row, journey.world, journey.visited, journey.readings)
         self._outward_lengths[row] = journey.end.path_length
+        self._ways_out[row] = journey.path
         self._cut_short[row] = journey.cut_short
         self._fields = with_field(self._fields, row, journey.field)
         x, y, _ = journey.end.body.pose.tolist()
@@ -153,7 +155,12 @@ class WayHomeTask(DrivingTask):
         put_rows("homing", self._homing, row, arrays)
         self._fields = with_field_rows(self._fields, row, arrays)
         self._outward_lengths[row] = arrays["outward.length"]
+        self._ways_out[row] = np.empty((0, 2))  # Only pictures show it.
         self._cut_short[row] = arrays["outward.cut_short"]
+
+    def way_out(self, row: int) -> Points:
+        """Return a robot's outward journey."""
+        return self._ways_out[row]
 
     def act(self, numbers: Numbers) -> None:
         """Run one control step of all robots; some actions may declare home, or claim."""

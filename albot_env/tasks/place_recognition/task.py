@@ -193,6 +193,10 @@ class PlaceRecognitionTask(Task):
         self.detach_observations()
         self.observations[row] = state.arrays["observation"]
 
+    def most_steps(self, row: int) -> int:
+        """Return the number of answers to a robot's tour: one for each stop after the first."""
+        return int(self._tour_table.counts[row]) - 1
+
     def action_masks(self) -> Bool[np.ndarray, "robots answers"]:
         """Return which answers each robot can give: a new place, or one of its earlier arrivals."""
         counts = np.where(self._answers.ended, 1, self._answers.arrivals)

@@ -24,7 +24,7 @@ lines around them (`corrected.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,7 +39,6 @@ from albot_core.logs.log import (
     Recording,
     Scan,
     constant_mount,
-    read_until_damage,
     sick_laser,
 )
 from albot_core.logs.text import LogText, is_number
@@ -70,16 +69,17 @@ class _Header:
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a CARMEN log. With `keep_going`, read a damaged log up to the first damaged line.
+    """Read a CARMEN log. With `keep_going`, leave out damaged lines.
 
     Raises:
-        InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
+        InputError: A line is damaged and `keep_going` is not set, or no scan is good.
     """
     messages = _Messages(text)
-    records, error = read_until_damage(iter(messages), keep_going)
+    lines = text.records(_READ)
+    records: list[OdometerLine | Sweep] = text.parse(lines, messages.parse, keep_going, _SCANS)
     sweeps = [record for record in records if isinstance(record, Sweep)]
     if not sweeps:
-        raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
+        raise text.damage or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
     poses = _poses(records, sweeps)
     return Recording(
         geometry=messages.geometry(poses.mount),
@@ -88,7 +88,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
             for sweep, pose in zip(sweeps, poses.odometry, strict=True)
         ],
         reference=None if poses.reference is None else list(poses.reference),
-        unread=text.unread(_SCANS, error) if error else None,
+        unread=text.unread,
         notes=poses.notes,
     )
 
@@ -140,13 +140,21 @@ class _Messages:
         self._kind = ""
         self._header: _Header | None = None
 
-    def __iter__(self) -> Iterator[OdometerLine | Sweep]:
-        for words in self._text.records(_READ):
-            if words[0] == "ODOM":
-                yield self._odometer(words)
-            elif self._kind in ("", words[0]):
-                self._kind = words[0]
-                yield self._flaser(words) if words[0] == "FLASER" else self._robotlaser(words)
+    def parse(self, words: list[str]) -> OdometerLine | Sweep | None:
+        """Return a message; None for a scan of another kind than the first.
+
+        Raises:
+            InputError: It is damaged.
+        """
+        if words[0] == "ODOM":
+            return self._odometer(words)
+        if self._kind not in ("", words[0]):
+            return None
+        # A damaged first scan does not decide what the others must be.
+        read = self._flaser if words[0] == "FLASER" else self._robotlaser
+        sweep, self._header = read(words)
+        self._kind = words[0]
+        return sweep
 
     def geometry(self, mount: tuple[float, float, float]) -> LaserGeometry:
         """Return the geometry of the scans' laser, with its mount on the robot."""
@@ -174,25 +182,25 @@ class _Messages:
         pose = text.numbers(words[1:4], "a pose")
         return OdometerLine(stamp=self._stamp(words), pose=pose)
 
-    def _flaser(self, words: list[str]) -> Sweep:
+    def _flaser(self, words: list[str]) -> tuple[Sweep, _Header]:
         text = self._text
         beams = text.beams(words[1:2], self._header.beams if self._header else None)
         if len(words) != 2 + beams + 6 + _TAIL:
             found = f"{len(words) - 2} fields"
             raise text.error(f"{beams} ranges and 9 more fields in FLASER", found)
-        self._header = _Header(beams=beams)
-        return self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
+        sweep = self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
+        return sweep, _Header(beams=beams)
 
-    def _robotlaser(self, words: list[str]) -> Sweep:
+    def _robotlaser(self, words: list[str]) -> tuple[Sweep, _Header]:
         text = self._text
         if len(words) < 9:
             raise text.error("the laser's 7 fields and a count in ROBOTLASER1", str(len(words) - 1))
         beams = text.count(words[8], "beams")
-        self._check_laser(words[1:8], beams)
+        header = self._checked_header(words[1:8], beams)
         ranges, rest = words[9 : 9 + beams], words[9 + beams :]
         if float(words[4]) < 0:  # A laser upside down, whose beams run from left to right.
             ranges.reverse()
-        return self._sweep(words, ranges, self._after_remissions(rest))
+        return self._sweep(words, ranges, self._after_remissions(rest)), header
 
     def _after_remissions(self, rest: list[str]) -> list[str]:
         """Return the fields after the remissions, which follow the ranges except in early logs."""
@@ -207,7 +215,7 @@ class _Messages:
             )
         return rest[1 + remissions :]
 
-    def _check_laser(self, configuration: list[str], beams: int) -> None:
+    def _checked_header(self, configuration: list[str], beams: int) -> _Header:
         text = self._text
         _, _, _, spacing, max_range, _, _ = text.numbers(configuration, "a laser's field")
         header = _Header(beams=beams, configuration=tuple(configuration))
@@ -223,7 +231,7 @@ class _Messages:
         if not 0 < abs(spacing) <= largest + _ROUNDING:
             expected = f"a spacing above 0, and at most {largest:.6g} rad with {beams} beams"
             raise text.error(expected, f"{spacing:.6g} rad")
-        self._header = header
+        return header
 
     def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> Sweep:
         text = self._text

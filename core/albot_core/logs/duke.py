@@ -8,11 +8,9 @@ is its stamp. The README of DP-SLAM 0.1.1 describes the format. Its `ThisRobot.h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.logs.log import Recording, Scan, read_until_damage, sick_laser
+from albot_core.logs.log import Recording, Scan, sick_laser
 from albot_core.logs.text import LogText
 
 NAME = "Duke (Odometry and Laser lines)"
@@ -25,37 +23,42 @@ _MOUNT = (0.40, 0.0, 0.0)
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a Duke log. With `keep_going`, read a damaged log up to the first damaged line.
+    """Read a Duke log. With `keep_going`, leave out damaged lines.
 
     Raises:
-        InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
+        InputError: A line is damaged and `keep_going` is not set, or no scan is good.
     """
-    scans, error = read_until_damage(_scans(text), keep_going)
+    records = text.records(KEYWORDS, fixed_end=True)
+    scans = text.parse(records, _Lines(text).parse, keep_going, ("Laser",))
     if not scans:
-        raise InputError(text.source, "at least one Laser line", "none")
+        raise text.damage or InputError(text.source, "at least one Laser line", "none")
     geometry = sick_laser(len(scans[0].ranges), _MAX_RANGE, _MOUNT)
-    return Recording(
-        geometry=geometry,
-        scans=scans,
-        unread=text.unread(("Laser",), error) if error else None,
-    )
+    return Recording(geometry=geometry, scans=scans, unread=text.unread)
 
 
-def _scans(text: LogText) -> Iterator[Scan]:
-    beams: int | None = None
-    odometry: Pose | None = None
-    count = 0
-    for words in text.records(KEYWORDS, fixed_end=True):
+class _Lines:
+    """The lines of a log, and what they tell of the next one."""
+
+    def __init__(self, text: LogText) -> None:
+        self._text = text
+        self._beams: int | None = None
+        self._odometry: Pose | None = None
+        self._count = 0
+
+    def parse(self, words: list[str]) -> Scan | None:
+        """Return a scan; None for a line of odometry."""
+        text, odometry = self._text, self._odometry
+        self._odometry = None
         if words[0] == "Odometry":
             if len(words) != 4:
                 raise text.error("Odometry x y heading", f"{len(words) - 1} fields")
-            odometry = text.numbers(words[1:], "a pose")
-            continue
+            self._odometry = text.numbers(words[1:], "a pose")
+            return None
         if odometry is None:
             raise text.error("an Odometry line before each Laser line", "none")
-        beams = text.beams(words[1:2], beams)
+        beams = text.beams(words[1:2], self._beams)
         if len(words) != beams + 2:
             raise text.error(f"{beams} ranges", str(len(words) - 2))
-        yield Scan(stamp=float(count), ranges=text.ranges(words[2:]), odometry=odometry)
-        odometry = None
-        count += 1
+        scan = Scan(stamp=float(self._count), ranges=text.ranges(words[2:]), odometry=odometry)
+        self._beams, self._count = beams, self._count + 1
+        return scan

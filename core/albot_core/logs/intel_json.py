@@ -20,11 +20,9 @@ from albot_core.logs.log import (
     SICK_SPACINGS,
     Recording,
     Scan,
-    Unread,
-    read_until_damage,
     sick_laser,
 )
-from albot_core.logs.text import LogText
+from albot_core.logs.text import Extent, LogText
 
 NAME = 'JSON ({"map": {stamp: {"range", "x", "y", "theta"}}})'
 
@@ -32,32 +30,42 @@ _ENTRY = "range (a list), x, y and theta"
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a log as JSON. With `keep_going`, read a damaged log up to the first damaged entry.
+    """Read a log as JSON. With `keep_going`, leave out damaged entries.
+
+    What follows a place that is not JSON is left out, too.
 
     Raises:
-        InputError: An entry is damaged, and it is the first or `keep_going` is not set.
+        InputError: An entry is damaged and `keep_going` is not set, or no scan is good.
     """
     cursor = _Cursor(text)
-    scans, error = read_until_damage(_scans(text, cursor), keep_going)
+    entries = _Entries(text)
+    scans = text.parse(_entries(cursor), entries.parse, keep_going, extent=cursor.extent)
     if not scans:
-        raise InputError(text.source, "at least one scan in the map", "none")
+        raise text.damage or InputError(text.source, "at least one scan in the map", "none")
     return Recording(
         geometry=sick_laser(len(scans[0].ranges)),
         scans=scans,
-        unread=cursor.unread(error) if error else None,
+        unread=text.unread,
     )
 
 
-def _scans(text: LogText, cursor: _Cursor) -> Iterator[Scan]:
-    beams: int | None = None
-    for stamp, entry in _entries(cursor):
-        scan = _scan(text, stamp, entry)
+class _Entries:
+    """The entries of a log, and the number of ranges of the first one."""
+
+    def __init__(self, text: LogText) -> None:
+        self._text = text
+        self._beams: int | None = None
+
+    def parse(self, entry: tuple[str, Any]) -> Scan:
+        """Return the scan of a stamp and its value."""
+        text, beams = self._text, self._beams
+        scan = _scan(text, *entry)
         if len(scan.ranges) not in SICK_SPACINGS:
             raise text.error("180, 181, 360 or 361 ranges", str(len(scan.ranges)))
         if beams is not None and len(scan.ranges) != beams:
             raise text.error(f"{beams} ranges as in the first scan", str(len(scan.ranges)))
-        beams = len(scan.ranges)
-        yield scan
+        self._beams = len(scan.ranges)
+        return scan
 
 
 def _scan(text: LogText, stamp: str, entry: Any) -> Scan:
@@ -86,14 +94,18 @@ def _ranges(text: LogText, values: list[Any]) -> Ranges:
 
 def _entries(cursor: _Cursor) -> Iterator[tuple[str, Any]]:
     """Yield the members of the object "map", which may be anywhere in the outermost object."""
-    for name in cursor.members():
-        if name == "map":
-            for stamp in cursor.members():
-                yield stamp, cursor.value()
-                cursor.settle()
-        else:
-            cursor.value()
-    cursor.end()
+    try:
+        for name in cursor.members():
+            if name == "map":
+                for stamp in cursor.members():
+                    yield stamp, cursor.value()
+                    cursor.settle()
+            else:
+                cursor.value()
+        cursor.end()
+    except InputError:
+        cursor.give_up()
+        raise
 
 
 def _finite(word: str) -> float:
@@ -148,13 +160,20 @@ class _Cursor:
         return value
 
     def settle(self) -> None:
-        """Mark everything up to here as valid."""
+        """Mark everything up to here as used."""
         self._settled = self._at
 
-    def unread(self, error: InputError) -> Unread:
-        """Return what is lost if only the part marked by `settle` is used."""
-        lost = self._content[self._settled :]
-        return Unread(lines=lost.count("\n") + 1, scans=lost.count('"range"'), reason=str(error))
+    def give_up(self) -> None:
+        """Go to the end of the text: nothing more can be read."""
+        self._at = len(self._content)
+
+    def extent(self) -> Extent:
+        """Return the lines from the last call of `settle` up to here."""
+        lost = self._content[self._settled : self._at]
+        begin = self._settled + len(lost) - len(lost.lstrip(", \t\r\n"))
+        lost = self._content[begin : self._at]
+        first = self._content.count("\n", 0, begin) + 1
+        return Extent(first, lost.count("\n") + 1, lost.count('"range"'))
 
     def end(self) -> None:
         """Raise InputError if anything follows."""

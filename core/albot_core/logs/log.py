@@ -9,13 +9,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.counts import many
-from albot_core.errors import InputError
 from albot_core.evaluation.moments import clock_fault, rising_times, time_order
 from albot_core.evaluation.trajectory import Trajectory, path_length
 from albot_core.geometry.poses import compose, relative
@@ -47,23 +45,23 @@ RANGE_NOISE = 0.005
 MOTION_NOISE = np.array([0.003, 0.003, np.radians(0.1)])
 """Standard deviations (m, m, rad) of the noise that `with_noise` adds to motions."""
 
-Record = TypeVar("Record")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Unread:
-    """The part of a damaged log that was not read.
+    """The lines of a damaged log that were left out.
 
     In a damaged archive, only the part that still unpacks is counted; in an episode that was never
     closed, nothing.
     """
 
     lines: int
-    """Number of lines from the first bad one on."""
+    """Number of bad lines."""
     scans: int
     """Number of scans that begin in those lines."""
+    where: str
+    """Which lines these are, as `lines 12, 40 to 44`; empty if none is counted."""
     reason: str
-    """The error, in one line."""
+    """The error of the first one, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -252,25 +250,6 @@ def _order_notes(
     fault = clock_fault(stamps[order], "scan")
     if fault is not None:
         yield f"the stamps do not tell the time ({fault}); the scans stay in the file's order"
-
-
-def read_until_damage(
-    records: Iterator[Record], keep_going: bool
-) -> tuple[list[Record], InputError | None]:
-    """Return all records and None; with `keep_going`, those before the first bad one and its error.
-
-    Raises:
-        InputError: A record is bad, and it is the first or `keep_going` is not set.
-    """
-    good: list[Record] = []
-    try:
-        for record in records:
-            good.append(record)  # noqa: PERF402
-    except InputError as error:
-        if not keep_going or not good:
-            raise
-        return good, error
-    return good, None
 
 
 def sick_laser(

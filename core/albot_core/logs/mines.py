@@ -19,7 +19,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
-from albot_core.logs.log import Recording, Scan, read_until_damage
+from albot_core.logs.log import Recording, Scan
 from albot_core.logs.text import LogText, is_number
 from albot_core.sensing.reading import LaserGeometry
 
@@ -43,15 +43,14 @@ def is_mines(line: str) -> bool:
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a `.dat` log. With `keep_going`, read a damaged log up to the first damaged line.
+    """Read a `.dat` log. With `keep_going`, leave out damaged lines.
 
     Raises:
-        InputError: A line is damaged, and it is the first or `keep_going` is not set.
+        InputError: A line is damaged and `keep_going` is not set, or no scan is good.
     """
-    scans, error = read_until_damage(_scans(text), keep_going)
+    scans = text.parse(_lines(text), _Lines(text).parse, keep_going)
     if not scans:
-        raise InputError(text.source, "at least one scan", "none")
-    unread = text.unread_lines(error) if error else None
+        raise text.damage or InputError(text.source, "at least one scan", "none")
     geometry = LaserGeometry(
         beams=_BEAMS - 2 * _HIDDEN,
         first_bearing=(_HIDDEN - _FRONT) * _SPACING,
@@ -59,26 +58,39 @@ def read(text: LogText, keep_going: bool) -> Recording:
         max_range=_MAX_RANGE,
         mount=_MOUNT,
     )
-    return Recording(geometry=geometry, scans=scans, unread=unread)
+    return Recording(geometry=geometry, scans=scans, unread=text.unread)
 
 
-def _scans(text: LogText) -> Iterator[Scan]:
-    pose, counters = np.zeros(3), None
+def _lines(text: LogText) -> Iterator[list[str]]:
     for number, line in enumerate(text.lines, start=1):
         text.number = number
         words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
+        if words and not words[0].startswith("#"):
+            yield words
+
+
+class _Lines:
+    """The lines of a log, and where the wheels were at the last one."""
+
+    def __init__(self, text: LogText) -> None:
+        self._text = text
+        self._pose = np.zeros(3)
+        self._counters: tuple[float, float] | None = None
+
+    def parse(self, words: list[str]) -> Scan:
+        """Return a scan."""
+        text = self._text
         if len(words) - _BEAMS not in _HEADS:
             expected = f"24 or 25 numbers and {_BEAMS} ranges"
             raise text.error(expected, f"{len(words)} fields")
         stamp, _, left, right = text.numbers(words[:4], "a number")
-        if counters is not None:
-            pose = compose(pose, _motion(left - counters[0], right - counters[1]))
-        counters = left, right
         ranges = 0.001 * text.ranges(words[-_BEAMS:])[_HIDDEN:-_HIDDEN]
         ranges[ranges < _ERROR_CODES] = 0.0
-        yield Scan(stamp=1e-6 * float(stamp), ranges=ranges, odometry=pose)
+        if self._counters is not None:
+            motion = _motion(left - self._counters[0], right - self._counters[1])
+            self._pose = compose(self._pose, motion)
+        self._counters = left, right
+        return Scan(stamp=1e-6 * float(stamp), ranges=ranges, odometry=self._pose)
 
 
 def _motion(left: float, right: float) -> Pose:

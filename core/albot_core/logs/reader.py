@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
@@ -46,8 +46,8 @@ def read_log(path: str | Path, keep_going: bool = False) -> Log:
 
     Args:
         path: The file.
-        keep_going: Whether to read a damaged log up to the first damage; the log's `unread`
-            says how much was lost. At least one scan must be good.
+        keep_going: Whether to leave out the damaged lines of a log; the log's `unread` says
+            which. At least one scan must be good.
 
     Raises:
         InputError: The file cannot be read, has no known format, holds no scan, or is damaged
@@ -69,6 +69,17 @@ def _read(text: LogText, keep_going: bool) -> Recording:
         expected = f"a log in one of the formats {'; '.join(FORMATS)}"
         raise InputError(text.source, expected, _kind(text))
     return reader(text, keep_going)
+
+
+def log_format(path: Path, text: str) -> str | None:
+    """Return the name of the format of a log's text; None for a text that is no log."""
+    log = LogText(path, text)
+    reader = _reader(log)
+    if reader is intel_json.read and '"theta"' not in text:
+        return None  # Any other JSON.
+    named: dict[Any, str] = {known.read: known.NAME for known in _LINE_FORMATS}
+    named |= {intel_json.read: intel_json.NAME, mines.read: mines.NAME}
+    return None if reader is None else named[reader]
 
 
 def _reader(text: LogText) -> Callable[[LogText, bool], Recording] | None:
@@ -98,12 +109,14 @@ def _kind(text: LogText) -> str:
             f"a line of libRSF, {beginning.split()[0]}, which holds neither scans nor sonars; "
             "convert its sensor data to FLASER lines, and its truth to a TUM trajectory"
         )
-    return repr(beginning) if beginning.isprintable() else "binary data"
+    from albot_core.file_kinds import kind_of  # It imports this module.
+
+    return kind_of(text.source) or (repr(beginning) if beginning.isprintable() else "binary data")
 
 
 def _damaged(recording: Recording, damage: InputError) -> Recording:
     """Return a recording from a damaged archive, with the archive's error in `unread`."""
-    lost = recording.unread or Unread(lines=0, scans=0, reason="")
+    lost = recording.unread or Unread(lines=0, scans=0, where="", reason="")
     return replace(recording, unread=replace(lost, reason=str(damage)))
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float64
@@ -12,8 +13,25 @@ from albot_core.errors import InputError
 from albot_core.logs.log import SICK_SPACINGS, Unread
 from albot_core.plain_data import LARGEST
 
+_MOST_PLACES = 10
+"""Largest number of places that a report on damage lists."""
 _LONGEST_COUNT = 9
 """Largest number of digits of a count."""
+
+
+Words = TypeVar("Words")
+Record = TypeVar("Record")
+
+
+class Extent(NamedTuple):
+    """The lines of a record."""
+
+    first: int
+    """Number of the first one."""
+    lines: int
+    """How many there are."""
+    scans: int
+    """Number of scans that begin in them."""
 
 
 class LogText:
@@ -28,6 +46,9 @@ class LogText:
         self.source = source
         self.lines = text.split("\n")
         self.number = 0
+        self.damage: InputError | None = None
+        """The error of the first record that `parse` left out; None if it left out none."""
+        self._bad: list[Extent] = []
         self._last_line_torn = bool(self.lines[-1])
         if not self.lines[-1]:
             self.lines.pop()
@@ -69,17 +90,56 @@ class LogText:
         """Return an error that names the current line."""
         return InputError(self.source, expected, found, place=f"line {self.number}")
 
-    def unread(self, scan_keywords: Collection[str], error: InputError) -> Unread:
-        """Return what is lost if reading ends at the current line because of `error`."""
-        rest = self.lines[self.number - 1 :]
-        scans = sum(word in scan_keywords for line in rest for word in line.split(None, 1)[:1])
-        return Unread(lines=len(rest), scans=scans, reason=str(error))
+    def parse(
+        self,
+        records: Iterator[Words],
+        parse: Callable[[Words], Record | None],
+        keep_going: bool,
+        scan_keywords: Collection[str] | None = None,
+        extent: Callable[[], Extent] | None = None,
+    ) -> list[Record]:
+        """Return what is parsed of each record; with `keep_going`, bad ones are left out.
 
-    def unread_lines(self, error: InputError) -> Unread:
-        """Return the same of a log whose lines are a scan each."""
-        rest = self.lines[self.number - 1 :]
-        scans = sum(bool(line.split()) for line in rest)
-        return Unread(lines=len(rest), scans=scans, reason=str(error))
+        Args:
+            records: The records, from the methods of this text.
+            parse: Parses a record; returns None for one that is not needed.
+            keep_going: Whether to leave out bad records; `unread` says which.
+            scan_keywords: First words of the lines that are scans; None if every line is one.
+            extent: Returns the lines of the bad record; by default the current line.
+
+        Raises:
+            InputError: A record is bad, and `keep_going` is not set.
+        """
+        good: list[Record] = []
+        while True:
+            try:
+                record = next(records, None)
+                if record is None:
+                    return good
+                parsed = parse(record)
+            except InputError as error:
+                if not keep_going:
+                    raise
+                self.damage = self.damage or error
+                self._bad.append(extent() if extent else self._line_extent(scan_keywords))
+            else:
+                good += [] if parsed is None else [parsed]
+
+    @property
+    def unread(self) -> Unread | None:
+        """What `parse` left out; None if nothing."""
+        if self.damage is None:
+            return None
+        return Unread(
+            lines=sum(bad.lines for bad in self._bad),
+            scans=sum(bad.scans for bad in self._bad),
+            where=_where(self._bad),
+            reason=str(self.damage),
+        )
+
+    def _line_extent(self, scan_keywords: Collection[str] | None) -> Extent:
+        word = self.lines[self.number - 1].split(None, 1)[0]
+        return Extent(self.number, 1, int(scan_keywords is None or word in scan_keywords))
 
     def numbers(self, words: Sequence[str], what: str) -> Float64[np.ndarray, "numbers"]:
         """Parse words as finite numbers; `what` names them in errors.
@@ -140,6 +200,20 @@ class LogText:
         except ValueError:
             bad = next(word for word in words if not is_number(word))
             raise self.error(f"{what} that is a number", repr(bad)) from None
+
+
+def _where(bad: Sequence[Extent]) -> str:
+    """Return the numbers of the lines of bad records, successive ones as a range."""
+    runs: list[list[int]] = []
+    for first, count, _ in bad:
+        if runs and first <= runs[-1][1] + 1:
+            runs[-1][1] = max(runs[-1][1], first + count - 1)
+        else:
+            runs.append([first, first + count - 1])
+    texts = [f"{first} to {last}" if last > first else f"{first}" for first, last in runs]
+    more = [f"{len(texts) - _MOST_PLACES} more places"] if len(texts) > _MOST_PLACES else []
+    is_one = len(runs) == 1 and runs[0][0] == runs[0][1]
+    return f"{'line' if is_one else 'lines'} {', '.join(texts[:_MOST_PLACES] + more)}"
 
 
 def _decimals(word: str) -> int:

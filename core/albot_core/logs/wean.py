@@ -13,7 +13,6 @@ that comes with the map says that 1 is occupied. But the corridors, in which the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +27,6 @@ from albot_core.logs.log import (
     Recording,
     Scan,
     constant_mount,
-    read_until_damage,
     sick_laser,
 )
 from albot_core.logs.text import LogText
@@ -47,15 +45,16 @@ class _LaserLine:
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a Wean Hall log. With `keep_going`, read a damaged log up to the first damaged line.
+    """Read a Wean Hall log. With `keep_going`, leave out damaged lines.
 
     Raises:
-        InputError: A line is damaged, and no scan comes before it or `keep_going` is not set; or
-            the laser's mount on the robot is not constant.
+        InputError: A line is damaged and `keep_going` is not set; no scan is good; or the laser's
+            mount on the robot is not constant.
     """
-    lines, error = read_until_damage(_laser_lines(text), keep_going)
+    records = text.records(KEYWORDS, fixed_end=True)
+    lines = text.parse(records, _Lines(text).parse, keep_going, ("L",))
     if not lines:
-        raise InputError(text.source, "at least one L line", "none")
+        raise text.damage or InputError(text.source, "at least one L line", "none")
     scans = [line.scan for line in lines]
     mount = constant_mount(
         np.stack([scan.odometry for scan in scans]), np.stack([line.laser for line in lines])
@@ -63,21 +62,26 @@ def read(text: LogText, keep_going: bool) -> Recording:
     if mount is None:
         raise InputError(text.source, "a laser with a constant mount", "one that moves")
     geometry = sick_laser(len(scans[0].ranges), NO_RETURN, mount)
-    return Recording(
-        geometry=geometry, scans=scans, unread=text.unread(("L",), error) if error else None
-    )
+    return Recording(geometry=geometry, scans=scans, unread=text.unread)
 
 
-def _laser_lines(text: LogText) -> Iterator[_LaserLine]:
-    beams: int | None = None
-    for words in text.records(KEYWORDS, fixed_end=True):
+class _Lines:
+    """The lines of a log, and the number of beams of its first scan."""
+
+    def __init__(self, text: LogText) -> None:
+        self._text = text
+        self._beams: int | None = None
+
+    def parse(self, words: list[str]) -> _LaserLine | None:
+        """Return a scan; None for a line of odometry, which is only checked."""
+        text = self._text
         if words[0] == "O":
             if len(words) != 5:
                 raise text.error("O x y heading stamp", f"{len(words) - 1} fields")
             text.numbers(words[1:], "an odometry line")
-            continue
-        beams = text.beams([str(max(len(words) - 8, 0))], beams)
-        yield _LaserLine(
+            return None
+        beams = text.beams([str(max(len(words) - 8, 0))], self._beams)
+        line = _LaserLine(
             scan=Scan(
                 stamp=float(text.numbers(words[-1:], "a stamp")[0]),
                 ranges=0.01 * text.ranges(words[7:-1]),
@@ -85,6 +89,8 @@ def _laser_lines(text: LogText) -> Iterator[_LaserLine]:
             ),
             laser=_METRE * text.numbers(words[4:7], "a pose"),
         )
+        self._beams = beams
+        return line
 
 
 WALL, FREE = 0.5, 0.9

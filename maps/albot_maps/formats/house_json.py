@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from albot_core.errors import InputError
+from albot_core.file_kinds import kind_of
 from albot_core.geometry.types import Points
 from albot_core.json_document import read_json
 from albot_maps.formats.reachable import reachable_world
@@ -101,7 +102,7 @@ def _largest(shape: shapely.Geometry) -> shapely.Polygon | None:
 def _parse(path: Path) -> dict[str, Any]:
     house = read_json(path)
     if not isinstance(house, dict) or "verts" not in house:
-        raise InputError(path, "a HouseExpo house with verts", "none")
+        raise InputError(path, "a HouseExpo house with verts", kind_of(path) or "none")
     return house
 
 

@@ -38,13 +38,13 @@ def test_looking_round_on_the_spot_costs_no_way() -> None:
     assert area_under(sample_curve(np.zeros((3, 2)), (0.0, 0.1, 0.2))) == pytest.approx(0.2)
 
 
-def _outcome(final: float, entered: int) -> Outcome:
+def _outcome(final: float, entered: int, driven: float = HORIZON) -> Outcome:
     return Outcome(
         trial=Trial(task="Albot/Explore-v0", agent="random", world="square-loop", seed=1),
         info={"coverage": final, "position_error": 0.0, "rooms_entered": entered},
         start=np.zeros(3),
         begin=np.array((1.0, 1.0, 0.0)),
-        path=np.zeros((1, 2)),
+        path=np.array(((0.0, 0.0), (driven, 0.0))),
         collisions=0,
         rooms=4,
         coverage_curve=np.full(HORIZON + 1, final),
@@ -60,6 +60,16 @@ def test_a_summary_has_the_mean_area_and_its_confidence() -> None:
     assert figures["rooms_share_median"] == pytest.approx(0.875)
     assert figures["rooms_share_ci95"][0] < 0.75 < figures["rooms_share_ci95"][1]
     assert figures["worlds"][0]["coverage_auc"] == pytest.approx(0.4)
+
+
+def test_no_average_is_over_metres_that_nobody_drove() -> None:
+    short = [_outcome(0.2, 1, driven=30.0), _outcome(0.4, 1, driven=199.0)]
+    figures = summarise(short)
+    assert (figures["coverage_auc"], figures["coverage_auc_ci95"]) == (None, None)
+    assert figures["coverage_episodes"] == 0
+    figures = summarise([*short, _outcome(0.6, 1)])
+    assert figures["coverage_auc"] == pytest.approx(0.4)
+    assert figures["coverage_episodes"] == 1
 
 
 def test_a_trial_brings_its_curve() -> None:

@@ -241,7 +241,8 @@ def test_other_arrays_are_refused(
     ("keys", "value", "message"),
     [
         (("version",), 9, "version 1 of the format, found 9"),
-        (("format",), "albot-map", "a header of format 'albot-agent'"),
+        (("format",), "albot-map", "file of a trained agent, found a map that a mapper"),
+        (("format",), "else", "expected the file of a trained agent, found a zip archive"),
         (("task",), "Albot/Evil-v0", "task: expected one of"),
         (("task",), 3, "task: expected text"),
         (("extra",), 3, "extra: expected one of"),

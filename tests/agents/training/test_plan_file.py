@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from albot_agents.task import task_names
+from albot_agents.task import is_probe, task_names, untwinned
 from albot_agents.training.plan import StagePlan, TrainingPlan, parse_schedule
 from albot_agents.training.plan_file import (
     evaluation_settings,
@@ -26,6 +26,11 @@ SHIPPED = sorted(
     file.name.removesuffix(".yml")
     for file in (resources.files("albot_agents.training") / "configs").iterdir()
 )
+
+
+def test_every_task_has_a_plan() -> None:
+    tasks = {name for name in task_names() if not is_probe(name) and untwinned(name) == name}
+    assert {f"Albot/{name}" for name in SHIPPED} == tasks
 
 
 @pytest.mark.parametrize("name", SHIPPED)

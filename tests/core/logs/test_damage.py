@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import lzma
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -192,20 +193,61 @@ def test_a_laser_that_strays_on_the_robot_is_refused(write, log_text):
         read_log(write(_edit(text, _number_of(text, "L", 2), 4, "5000.0")))
 
 
-def test_keep_going_reads_the_good_beginning(line_kind, write, log_text):
+def test_keep_going_leaves_out_bad_lines_alone(line_kind, write, log_text):
     text = log_text(line_kind)
     whole = read_log(write(text))
-    line = _number_of(text, SCAN[line_kind], 3)
-    log = read_log(write(_edit(text, line, FIRST_RANGE[line_kind], "nan")), keep_going=True)
-    np.testing.assert_array_equal(log.ranges, whole.ranges[:3])
-    np.testing.assert_array_equal(log.odometry, whole.odometry[:3])
+    bad = [0, 3, 4]
+    lines = [_number_of(text, SCAN[line_kind], scan) for scan in bad]
+    for line in lines:
+        text = _edit(text, line, FIRST_RANGE[line_kind], "nan")
+    log = read_log(write(text), keep_going=True)
+    np.testing.assert_array_equal(log.ranges, np.delete(whole.ranges, bad, axis=0))
+    if line_kind != "corrected":  # Its odometer goes on from scan to scan.
+        np.testing.assert_array_equal(log.odometry, np.delete(whole.odometry, bad, axis=0))
     assert log.unread is not None
-    assert log.unread.scans == len(whole.stamps) - 3
-    assert log.unread.lines == len(text.rstrip("\n").split("\n")) - line + 1
-    assert f"line {line}" in log.unread.reason
+    assert (log.unread.lines, log.unread.scans) == (3, 3)
+    where = re.findall(r"\d+", log.unread.where.replace(" to ", ", "))
+    assert {int(number) for number in where} == set(lines)
+    assert f"line {lines[0]}: " in log.unread.reason
 
 
-def test_keep_going_reads_the_good_beginning_of_json(write, log_text):
+@pytest.mark.parametrize("kind", ["carmen", "corrected", "wean", "duke"])
+def test_keep_going_leaves_out_a_bad_line_before_the_first_scan(kind, write, log_text):
+    text = log_text(kind)
+    bad = {"wean": "O 1 2", "duke": "Odometry 1 2"}.get(kind, "ODOM 1 2 x 0 0 0 1 robot 1")
+    whole, path = read_log(write(text)), write(f"{bad}\n{text}")
+    with pytest.raises(InputError, match="line 1"):
+        read_log(path)
+    log = read_log(path, keep_going=True)
+    np.testing.assert_array_equal(log.ranges, whole.ranges)
+    np.testing.assert_array_equal(log.odometry, whole.odometry)
+    assert log.unread is not None
+    assert (log.unread.lines, log.unread.scans, log.unread.where) == (1, 0, "line 1")
+
+
+def test_keep_going_leaves_out_a_first_scan_cut_off(line_kind, write, log_text):
+    """It does not decide how many the others must have."""
+    text = log_text(line_kind)
+    whole = read_log(write(text))
+    line = _number_of(text, SCAN[line_kind], 0)
+    log = read_log(write(_edit(text, line, 40, None)), keep_going=True)
+    np.testing.assert_array_equal(log.ranges, whole.ranges[1:])
+
+
+def test_keep_going_leaves_out_bad_entries_of_json(write, log_text):
+    text = log_text("json")
+    whole = read_log(write(text))
+    head, entry, tail = text.partition('"102.')
+    log = read_log(write(head + entry + tail.replace('"range": [', '"range": [NaN, ', 1)), True)
+    number = head.count('"range"')
+    np.testing.assert_array_equal(log.ranges, np.delete(whole.ranges, number, axis=0))
+    assert log.unread is not None
+    first, count = head.count("\n") + 1, tail[: tail.index("}")].count("\n") + 1
+    assert (log.unread.lines, log.unread.scans) == (count, 1)
+    assert log.unread.where == f"lines {first} to {first + count - 1}"
+
+
+def test_what_follows_a_place_that_is_no_json_is_left_out(write, log_text):
     text = log_text("json")
     whole = read_log(write(text))
     good = text.index('"102.')
@@ -222,10 +264,13 @@ def test_keep_going_reads_the_good_beginning_of_json(write, log_text):
 
 
 def test_keep_going_needs_one_good_scan(line_kind, write, log_text):
-    text = log_text(line_kind)
-    line = _number_of(text, SCAN[line_kind], 0)
-    with pytest.raises(InputError, match=f"line {line}"):
-        read_log(write(_edit(text, line, 20, "nan")), keep_going=True)
+    text = log_text(line_kind, scans=3)
+    for scan in range(3):
+        line = _number_of(text, SCAN[line_kind], scan)
+        text = _edit(text, line, FIRST_RANGE[line_kind], "nan")
+    first = _number_of(text, SCAN[line_kind], 0)
+    with pytest.raises(InputError, match=f"line {first}: .* nan"):
+        read_log(write(text), keep_going=True)
 
 
 def test_keep_going_changes_nothing_of_a_whole_log(kind, write, log_text):

@@ -62,5 +62,5 @@ def test_a_damaged_line_is_named(tmp_path):
     with pytest.raises(InputError, match="line 2: expected 24 or 25 numbers and 682"):
         read_log(path)
     log = read_log(path, keep_going=True)
-    assert len(log.stamps) == 1
-    assert (log.unread.lines, log.unread.scans) == (2, 2)
+    assert len(log.stamps) == 2
+    assert (log.unread.lines, log.unread.scans, log.unread.where) == (1, 1, "line 2")

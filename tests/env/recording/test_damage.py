@@ -126,7 +126,7 @@ def _sonar(**changes: object) -> dict[str, object]:
 
 def _header(**changes: object) -> bytes:
     header = {
-        "format": 4,
+        "format": 5,
         "environment": "Albot/Explore-v0",
         "world": "w",
         "walls": [[0, 0, 1, 0]],
@@ -144,6 +144,7 @@ def _header(**changes: object) -> bytes:
             "mount": [0, 0, 0],
         },
         "sonar": None,
+        "way_out": [[0, 0], [1, 0]],
     }
     assert set(header) == set(EPISODE_HEADER["required"])
     return json.dumps({**header, **changes}).encode()

@@ -21,7 +21,7 @@ def test_what_has_run_cannot_be_gone_back_in() -> None:
     assert controls.take_jump() is None
     assert not controls.paused
     line = controls.footer(step=0, steps=10, time=0.0, duration=None, over=False)
-    assert line.keys == "space pause · n step · +/- speed · q close"
+    assert line.keys == "space pause · n step · +/- speed · ? keys · q close"
     assert line.status == "playing · ×1 · step 0 of 10 · 0:00.0"
 
 
@@ -34,6 +34,21 @@ def test_the_speed_has_bounds_but_those_that_were_asked_for(speed: float) -> Non
         seen.append(controls.speed)
     assert max(seen) == max(speed, FASTEST)
     assert min(seen) <= SLOWEST or speed > FASTEST
+
+
+@pytest.mark.parametrize("key", ["?", "h"])
+def test_a_key_shows_all_keys_and_hides_them(key: str) -> None:
+    for recorded in (False, True):
+        controls = Controls(1.0, recorded=recorded, more="arrows drive · enter: home")
+        shown = []
+        for _ in range(3):
+            footer = controls.footer(step=0, steps=1, time=0.0, duration=None, over=False)
+            shown.append(footer.help)
+            controls.press(key)
+        assert shown[0] == shown[2] == ()
+        assert shown[1][:2] == ("arrows drive", "enter: home")
+        assert any(line.startswith("home, end") for line in shown[1]) == recorded
+        assert any(line.startswith("?, h") for line in shown[1])
 
 
 @pytest.mark.parametrize("more", ["", "arrows drive · enter: I was here"])
