@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 
 from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import FORCE, check_folder
+from albot_cli.outputs import FORCE, FigureFile, check_folder, figure_options
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
@@ -72,6 +72,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
     help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
 )
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
+@figure_options("the maps side by side")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 @click.pass_context
@@ -88,6 +89,7 @@ def command(
     steps: int,
     jobs: int | None,
     out: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
     **presets: str | None,
@@ -126,8 +128,8 @@ def command(
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
     facts |= {"left_out": left_out(sources[0].log), "notes": notes}
     facts |= {"rows": rows, "stopped": stopped, "files": {}}
-    if out is not None:
-        write_files(out, facts, results, sources)
+    if out is not None or figure is not None:
+        write_files(out, figure, facts, results, sources)
     click.echo(json.dumps(facts) if as_json else as_text(facts))
     if stopped:
         return STOPPED

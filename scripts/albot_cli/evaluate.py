@@ -13,15 +13,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, check_folder, filled_folder
+from albot_cli.outputs import FORCE, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from albot_agents.evaluation.plan import Trial
     from albot_agents.evaluation.trial import Outcome
 
@@ -67,8 +70,9 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     "--out",
     type=PathType(file_okay=False),
     help="Folder for evaluation.json, episodes.csv (a row an episode) and, of tasks that can "
-    "succeed, a picture of the failures.",
+    "succeed, a picture of the failures if there are any.",
 )
+@figure_options("the failures")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -85,6 +89,7 @@ def command(
     steps: int | None,
     jobs: int | None,
     out: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
 ) -> int:
@@ -136,8 +141,11 @@ def command(
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
     facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
+    drawn = _failures(facts, outcomes) if out is not None or figure is not None else None
+    if drawn is not None and figure is not None:
+        facts["files"]["figure"] = str(figure.save(drawn))
     if out is not None:
-        _save(out, facts, outcomes, mapper_config)
+        _save(out, facts, outcomes, mapper_config, drawn)
     click.echo(json.dumps(facts) if as_json else _as_text(facts))
     return STOPPED if stopped else 0
 
@@ -236,8 +244,21 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
     return summarise(outcomes)
 
 
+def _failures(facts: dict[str, Any], outcomes: list[list[Outcome]]) -> Figure | None:
+    """Return the picture of the first agent's failures; None if there are none."""
+    if facts["success_rate"] is None:
+        return None
+    from albot_agents.evaluation.picture import failures_figure  # slow to load
+
+    return failures_figure(outcomes[0])
+
+
 def _save(
-    out: Path, facts: dict[str, Any], outcomes: list[list[Outcome]], mapper_config: Path | None
+    out: Path,
+    facts: dict[str, Any],
+    outcomes: list[list[Outcome]],
+    mapper_config: Path | None,
+    drawn: Figure | None,
 ) -> None:
     """Write the figures, the episodes and the picture; add their paths to `facts`."""
     from albot_agents.evaluation.paired import episodes_csv
@@ -246,11 +267,11 @@ def _save(
     facts["files"] |= {"figures": str(out / _FIGURES), "episodes": str(out / _EPISODES)}
     options = [] if mapper_config is None else ["--mapper-config", str(mapper_config)]
     with filled_folder(out) as scratch:
-        if facts["success_rate"] is not None:
-            from albot_agents.evaluation.picture import save_failures
-
-            save_failures(outcomes[0], scratch / _PICTURE)
+        if drawn is not None:
+            save_figure(drawn, scratch / _PICTURE)
             facts["files"]["failures"] = str(out / _PICTURE)
+        else:
+            (out / _PICTURE).unlink(missing_ok=True)  # It would show those of an earlier run.
         episodes = [outcome for some in outcomes for outcome in some]
         write_text(scratch / _EPISODES, episodes_csv(episodes, options))
         write_text(scratch / _FIGURES, json.dumps(facts, indent=1))

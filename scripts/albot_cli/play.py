@@ -16,7 +16,15 @@ from click.core import ParameterSource
 
 from albot_cli.evaluate import way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, check_file, check_png, check_suffix
+from albot_cli.outputs import (
+    FORCE,
+    FigureFile,
+    check_file,
+    check_png,
+    check_suffix,
+    figure_options,
+    save_both,
+)
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_core.counts import many
@@ -118,6 +126,7 @@ RUN_ONLY = (
     help="Where the picture of truth and map is written.  [default: episode.png, or the first free "
     "one as above; none for EPISODE]",
 )
+@figure_options("truth and map")
 @FORCE
 @click.option(
     "--speed",
@@ -133,6 +142,7 @@ def command(
     what: str | None,
     record: Path | None,
     png: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
     **options: Any,
@@ -151,12 +161,12 @@ def command(
         check_suffix(record, SUFFIX, option="--record")
         _check_picture(png, record, force)
         check_file(record, force=force)
-        summary = _run(what, record=record, png=png, force=force, **options)
+        summary = _run(what, record=record, png=png, figure=figure, force=force, **options)
     else:
         if png is not None:
             _check_picture(png, episode, force)
         _check_play_back(ctx)
-        summary = _play_back(episode, png, options["speed"] or 10.0, options["headless"])
+        summary = _play_back(episode, png, figure, options["speed"] or 10.0, options["headless"])
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
 
 
@@ -204,6 +214,7 @@ def _run(
     steps: int,
     record: Path,
     png: Path,
+    figure: FigureFile | None,
     force: bool,
     speed: float | None,
     headless: bool,
@@ -253,7 +264,7 @@ def _run(
         def keep() -> None:
             """Write the files before the last picture is shown, which may stay for long."""
             inside.recorder.close()
-            _save_picture(episode.frame, png)
+            _save_picture(episode.frame, png, figure)
 
         with (
             _report_partial_recording(record),
@@ -267,7 +278,11 @@ def _run(
             **_summary(episode),
             "world": world,
             "seed": seed,
-            "files": {"episode": str(record), "picture": str(png)},
+            "files": {
+                "episode": str(record),
+                "picture": str(png),
+                "figure": None if figure is None else str(figure.path),
+            },
             "coverage": info.get("coverage"),
             "rooms_entered": info.get("rooms_entered"),
             "success": info.get("is_success"),
@@ -308,7 +323,9 @@ def _report_partial_recording(record: Path) -> Iterator[None]:
         raise
 
 
-def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
+def _play_back(
+    episode: Path, png: Path | None, figure: FigureFile | None, speed: float, headless: bool
+) -> dict[str, Any]:
     """Play an episode back and return its summary."""
     from albot_cli.episodes import RecordedEpisode
     from albot_cli.watch import open_viewer, watch
@@ -322,12 +339,16 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     if reader.torn:
         warning = f"{episode}: never closed, ends early; played up to its last complete chunk"
         click.echo(f"albot: {warning}, at {recorded.time:.1f} s", err=True)
-    if png is not None:
-        _save_picture(recorded.frame, png)
+    if png is not None or figure is not None:
+        _save_picture(recorded.frame, png, figure)
     return {
         **_summary(recorded),
         "seed": reader.header.seed,
-        "files": {"episode": str(episode), "picture": None if png is None else str(png)},
+        "files": {
+            "episode": str(episode),
+            "picture": None if png is None else str(png),
+            "figure": None if figure is None else str(figure.path),
+        },
         "coverage": None,
         "rooms_entered": len(recorded.rooms),
         "success": None,
@@ -354,11 +375,11 @@ def _summary(episode: PlayedEpisode) -> dict[str, Any]:
     }
 
 
-def _save_picture(frame: Frame, path: Path) -> None:
+def _save_picture(frame: Frame, png: Path | None, figure: FigureFile | None) -> None:
     """Save the picture; matplotlib is loaded only here."""
-    from albot_env.rendering.picture import save_picture
+    from albot_env.rendering.picture import episode_figure
 
-    save_picture(frame, path)
+    save_both(episode_figure(frame), png, figure)
 
 
 def _as_text(summary: dict[str, Any]) -> str:
@@ -380,6 +401,6 @@ def _as_text(summary: dict[str, Any]) -> str:
         f"  {' · '.join(figures)}",
         f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
     ]
-    if summary["files"]["picture"]:
-        lines.append(f"  picture  {summary['files']['picture']}")
+    drawn = {kind: summary["files"][kind] for kind in ("picture", "figure")}
+    lines += [f"  {kind:<7}  {path}" for kind, path in drawn.items() if path]
     return "\n".join(lines)

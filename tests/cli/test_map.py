@@ -179,7 +179,7 @@ def test_all_files_or_none(corridor, call, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(albot_cli.map, "write_picture", fail)
+    monkeypatch.setattr(albot_cli.map, "save_figure", fail)
     result = call("map", corridor[0], "--out", tmp_path / "out")
     assert result.exception is not None
     assert [path.name for path in tmp_path.iterdir()] == ["corridor.log"]
@@ -225,13 +225,13 @@ def test_a_folder_is_filled_and_nothing_around_it_touched(corridor, call, tmp_pa
     out = tmp_path / "around" / "out"
     out.mkdir(parents=True)
     around = []
-    draw = albot_cli.map.write_picture
+    draw = albot_cli.map.save_figure
 
     def draw_and_look(*arguments: object, **named: Any) -> None:
         around.extend(out.parent.iterdir())
         draw(*arguments, **named)
 
-    monkeypatch.setattr(albot_cli.map, "write_picture", draw_and_look)
+    monkeypatch.setattr(albot_cli.map, "save_figure", draw_and_look)
     assert call("map", corridor[0], "--out", out).exit_code == 0
     assert around == [out]
     assert {path.name for path in out.iterdir()} == FILES | PLACES
