@@ -150,11 +150,11 @@ def _draw_panel(panel: Panel, axes: Axes) -> None:
         axes.text(0.5, 0.5, panel.note, color=TEXT, fontsize=10, **middle)
     if panel.reference is not None:
         x, y = panel.reference[:, 0], panel.reference[:, 1]
-        axes.plot(x, y, color=TRUTH, linewidth=3.0, label="reference, aligned")
+        axes.plot(x, y, color=TRUTH, linewidth=3.2, label="reference, aligned")
     if len(panel.believed):
         x, y = panel.believed[:, 0], panel.believed[:, 1]
         # Thinner than the reference, which shows on both sides where the two agree.
-        axes.plot(x, y, color=BELIEVED, linewidth=1.4, label="believed path", zorder=2.1)
+        axes.plot(x, y, color=BELIEVED, linewidth=1.6, label="believed path", zorder=2.1)
     if panel.snapshot is None:
         return
     for layer in panel.snapshot.layers:
@@ -353,4 +353,4 @@ def _points_of_trajectory(layer: TrajectoryLayer) -> Float64[np.ndarray, "points
 @draw_layer.register(TrajectoryLayer)
 def _draw_trajectory(layer: TrajectoryLayer, axes: Axes) -> None:
     x, y, _ = layer.poses.T
-    axes.plot(x, y, color=CORRECTED, linewidth=1.2, label="corrected path", zorder=2.5)
+    axes.plot(x, y, color=CORRECTED, linewidth=0.9, label="corrected path", zorder=2.5)

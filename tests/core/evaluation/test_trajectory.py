@@ -213,7 +213,9 @@ def test_trajectories_without_common_moments_have_no_error():
     assert trajectory_error(trajectory(poses), trajectory(poses[:0])) is None
 
 
-SORTED = st.lists(st.floats(0, 10), max_size=12).map(lambda stamps: np.array(sorted(stamps)))
+STAMPS = st.lists(st.integers(0, 10 * 64), max_size=12)
+SORTED = STAMPS.map(lambda stamps: np.array(sorted(stamps)) / 64)
+"""In steps of 1/64 s, so that differences are exact."""
 
 
 @settings(deadline=None)
