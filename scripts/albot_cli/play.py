@@ -278,11 +278,7 @@ def _run(
             **_summary(episode),
             "world": world,
             "seed": seed,
-            "files": {
-                "episode": str(record),
-                "picture": str(png),
-                "figure": None if figure is None else str(figure.path),
-            },
+            "files": _files(record, png, figure),
             "coverage": info.get("coverage"),
             "rooms_entered": info.get("rooms_entered"),
             "success": info.get("is_success"),
@@ -344,11 +340,7 @@ def _play_back(
     return {
         **_summary(recorded),
         "seed": reader.header.seed,
-        "files": {
-            "episode": str(episode),
-            "picture": None if png is None else str(png),
-            "figure": None if figure is None else str(figure.path),
-        },
+        "files": _files(episode, png, figure),
         "coverage": None,
         "rooms_entered": len(recorded.rooms),
         "success": None,
@@ -373,6 +365,12 @@ def _summary(episode: PlayedEpisode) -> dict[str, Any]:
         "reward": sum(frame.terms.values()),
         "steps_in_contact": episode.contacts,
     }
+
+
+def _files(episode: Path, png: Path | None, figure: FigureFile | None) -> dict[str, str | None]:
+    """Return the paths by kind of file, with that of a figure only if it was asked for."""
+    files = {"episode": str(episode), "picture": None if png is None else str(png)}
+    return files if figure is None else {**files, "figure": str(figure.path)}
 
 
 def _save_picture(frame: Frame, png: Path | None, figure: FigureFile | None) -> None:
@@ -401,6 +399,6 @@ def _as_text(summary: dict[str, Any]) -> str:
         f"  {' · '.join(figures)}",
         f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
     ]
-    drawn = {kind: summary["files"][kind] for kind in ("picture", "figure")}
+    drawn = {kind: summary["files"].get(kind) for kind in ("picture", "figure")}
     lines += [f"  {kind:<7}  {path}" for kind, path in drawn.items() if path]
     return "\n".join(lines)
