@@ -8,37 +8,23 @@ import numpy as np
 import pygame
 from jaxtyping import Float64, UInt8
 
+from albot_core.drawing.figure import round_length
+from albot_core.drawing.palette import DARK, DARK_FREE, DARK_GROUND, rgb
 from albot_core.geometry.poses import inverse, transform_points
-from albot_env.rendering.scene import Panel, Scene, scale_bar
+from albot_env.rendering.scene import Panel, Scene
 from albot_env.rendering.shapes import Shape
 from albot_env.rendering.viewer import Footer
 
 Colour = tuple[int, int, int]
 
 BACKGROUND: Colour = (22, 24, 29)
-PANEL: Colour = (30, 33, 40)
+PANEL: Colour = rgb(DARK_GROUND)
 TEXT: Colour = (222, 226, 233)
 FAINT: Colour = (128, 136, 150)
 ACCENT: Colour = (120, 190, 255)
-FREE: Colour = (44, 48, 58)
+FREE: Colour = rgb(DARK_FREE)
 OCCUPIED: Colour = (236, 239, 244)
-PALETTE: dict[str, Colour] = {
-    "wall": (214, 219, 228),
-    "thing": (212, 140, 219),
-    "laser": (204, 96, 84),
-    "path": (90, 160, 240),
-    "surface": (244, 185, 66),
-    "believed": (112, 193, 140),
-    "corrected": (102, 217, 232),
-    "link": (145, 128, 214),
-    "doorway": (247, 131, 172),
-    "place": (177, 151, 252),
-    "particle": (255, 192, 80),
-    "activity": (255, 120, 90),
-    "grid": (128, 136, 150),
-    "home": (226, 120, 190),
-    "robot": (246, 248, 250),
-}
+PALETTE: dict[str, Colour] = {style: rgb(colour) for style, colour in DARK.items()}
 
 MARGIN = 12
 TITLE_HEIGHT = 30
@@ -167,7 +153,7 @@ def legend_places(panel: Panel, area: pygame.Rect) -> list[tuple[Shape, pygame.R
 
 
 def _paint_scale(canvas: pygame.Surface, panel: Panel, view: _View, area: pygame.Rect) -> None:
-    length = scale_bar(panel.bounds[2] - panel.bounds[0])
+    length = round_length(panel.bounds[2] - panel.bounds[0])
     pixels = round(length * view.scale)
     right, y = area.right - 14, area.y + 20
     pygame.draw.line(canvas, FAINT, (right - pixels, y), (right, y), 2)

@@ -1,61 +1,44 @@
-"""The picture: all panels side by side in one PNG, for papers and reports."""
+"""The picture: all panels side by side in one figure, for papers and reports."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Affine2D
 
-from albot_core.files import atomic_write
+from albot_core.drawing.figure import round_length
+from albot_core.drawing.labels import Label, place_labels
+from albot_core.drawing.palette import FAINT, LIGHT, TEXT
+from albot_core.export.picture import draw_grid
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.scene import Panel, lay_out, scale_bar
+from albot_env.rendering.scene import Panel, lay_out
 from albot_env.rendering.shapes import Shape
 
-PALETTE = {
-    "wall": "#2b2f36",
-    "thing": "#7b3fa0",
-    "laser": "#e8927c",
-    "path": "#2a6fbb",
-    "surface": "#c77700",
-    "believed": "#2e8b57",
-    "corrected": "#0b7285",
-    "link": "#8f79d6",
-    "doorway": "#e64980",
-    "place": "#5f3dc4",
-    "particle": "#f59f00",
-    "activity": "#d9480f",
-    "grid": "#555555",
-    "home": "#b5338a",
-    "robot": "#111111",
-}
+_DOT, _MARK = 9, 30
+"""Areas of small dots and of larger marks (square points)."""
+_NOT_BENEATH = {"segments", "line"}
+"""Kinds of shapes that labels do not cross if they can."""
 
 
-def save_picture(frame: Frame, path: Path) -> None:
-    """Draw a frame, panels from left to right, and save it as a PNG, completely or not at all.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
+def episode_figure(frame: Frame) -> Figure:
+    """Return the picture of a frame, with the panels from left to right."""
     scene = lay_out(frame)
     x0, y0, x1, y1 = scene.bounds
     height = float(np.clip(6.2 * (y1 - y0) / (x1 - x0), 2.2, 11.0))
     shares = [panel.share for panel in scene.panels]
     figure = Figure(figsize=(6.5 * sum(shares), height + 1.5), layout="constrained")
-    FigureCanvasAgg(figure)
     figure.suptitle("\n".join((scene.heading, *scene.captions)), fontsize=10)
     grid = figure.subplots(1, len(shares), width_ratios=shares)
     for axes, panel in zip(grid, scene.panels, strict=True):
         _draw_panel(axes, panel)
-    with atomic_write(path) as stream:
-        figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
+    for axes, panel in zip(grid, scene.panels, strict=True):
+        _write_names(axes, panel)
+    return figure
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
@@ -64,8 +47,8 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         _draw_shape(axes, shape, 2 + depth)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=[], yticks=[])
     axes.set_title(panel.title, fontsize=10, loc="left")
-    axes.spines[:].set_color("#cccccc")
-    length = scale_bar(x1 - x0)
+    axes.spines[:].set_color(FAINT)
+    length = round_length(x1 - x0)
     axes.annotate(
         f"{length:g} m",
         (1.0, 1.0),
@@ -74,9 +57,9 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         textcoords="offset points",
         ha="right",
         fontsize=9,
-        color="#555555",
+        color=TEXT,
     )
-    axes.plot([x1 - length, x1], [y1, y1], color="#555555", linewidth=4, clip_on=False, zorder=9)
+    axes.plot([x1 - length, x1], [y1, y1], color=TEXT, linewidth=4, clip_on=False, zorder=9)
     axes.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, -0.01),
@@ -89,7 +72,9 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
-    colour = PALETTE[shape.style]
+    if not shape.data.size:
+        return  # Nor is it named in the legend.
+    colour = LIGHT[shape.style]
     if shape.kind == "segments":
         lines = LineCollection(
             list(shape.data.reshape(-1, 2, 2)),
@@ -105,7 +90,7 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
             shape.data[:, 0],
             shape.data[:, 1],
             color=colour,
-            lw=0.4 if shape.is_thin else 1.1,
+            lw=0.4 if shape.is_thin else 1.5,
             label=shape.label,
             zorder=zorder,
         )
@@ -113,25 +98,14 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
         axes.scatter(
             shape.data[:, 0],
             shape.data[:, 1],
-            s=5 if shape.kind == "dots" else 30,
+            s=_DOT if shape.kind == "dots" else _MARK,
             color=colour,
             label=shape.label,
             zorder=zorder,
             linewidths=0,
         )
-        for place, name in zip(shape.data, shape.names, strict=False):
-            axes.annotate(
-                name,
-                place,
-                xytext=(4, 3),
-                textcoords="offset points",
-                fontsize=8,
-                color=colour,
-                zorder=9,
-                path_effects=[withStroke(linewidth=2, foreground="white")],
-            )
     elif shape.kind == "grid":
-        _draw_grid(axes, shape)
+        draw_grid(shape.placed_grid, axes)
     elif shape.kind == "cells":
         _draw_cells(axes, shape, colour, zorder)
     elif shape.kind == "home":
@@ -149,22 +123,21 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
         _draw_robot(axes, shape, colour, zorder)
 
 
-def _draw_grid(axes: Axes, shape: Shape) -> None:
-    """Draw occupied cells black and free ones white; unknown cells are not drawn."""
-    grid = shape.placed_grid
-    (rows, columns), side = grid.occupancy.shape, grid.resolution
-    x, y, turn = grid.origin.tolist()
-    axes.imshow(
-        np.ma.masked_invalid(grid.occupancy),
-        cmap="Greys",
-        vmin=0,
-        vmax=1,
-        origin="lower",
-        extent=(0, columns * side, 0, rows * side),
-        transform=Affine2D().rotate(turn).translate(x, y) + axes.transData,
-        interpolation="nearest",
-        zorder=1,
-    )
+def _write_names(axes: Axes, panel: Panel) -> None:
+    """Write the names of marks beside them."""
+    lines = [
+        shape.data if shape.kind == "segments" else np.hstack((shape.data[:-1], shape.data[1:]))
+        for shape in panel.shapes
+        if shape.kind in _NOT_BENEATH
+    ]
+    labels = [
+        Label(text=name, at=(x, y), colour=LIGHT[shape.style], radius=math.sqrt(_MARK) / 2)
+        for shape in panel.shapes
+        for (x, y), name in zip(shape.data.tolist(), shape.names, strict=False)
+    ]
+    points = [shape.data[:2] for shape in panel.shapes if shape.kind in {"home", "robot"}]
+    segments = np.concatenate((np.zeros((0, 4)), *lines))
+    place_labels(axes, labels, segments=segments, points=np.array(points).reshape(-1, 2))
 
 
 def _draw_cells(axes: Axes, shape: Shape, colour: str, zorder: int) -> None:

@@ -78,9 +78,9 @@ def lay_out(frame: Frame) -> Scene:
     )
     hits = transform_points(frame.pose, frame.hits)
     truth = (
-        Shape(kind="dots", style="laser", label="laser", data=hits),
         Shape(kind="segments", style="wall", label="walls", data=frame.walls),
         *obstacles,
+        Shape(kind="dots", style="laser", label="laser", data=hits),
         *way_out,
         _way("path", frame.path, frame),
         Shape(kind="home", style="home", label="home", data=start),
@@ -140,10 +140,3 @@ def _bounds(*shapes: Shape, margin: float = 0.8) -> Bounds:
     points = np.concatenate([shape.points for shape in shapes if shape.style != "laser"])
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def scale_bar(width: float) -> float:
-    """Return a round length (m) of about a fifth of `width` (m), for a scale bar."""
-    wanted = width / 5
-    magnitude = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(f * magnitude for f in (1, 2, 5) if f * magnitude <= wanted * 1.001))

@@ -4,85 +4,130 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 import numpy as np
 import shapely
+from jaxtyping import Float64
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from shapely.plotting import patch_from_polygon
 
-from albot_core.files import atomic_write
+from albot_core.drawing.figure import round_length
+from albot_core.drawing.labels import Label, place_labels
+from albot_core.drawing.palette import (
+    BELIEVED,
+    CORRECTED,
+    EXIT,
+    HOME,
+    PARTICLE,
+    PLACE,
+    SOLID,
+    TEXT,
+    TINTS,
+    TRUTH,
+    WALL,
+)
+from albot_core.geometry.types import Points
 from albot_maps.freespace import FreeSpace
 from albot_maps.movables import Door, Movables, Walker
 from albot_maps.world import World
 
-_SOLID, _WALL, _TEXT = "#dcdcd8", "#22262b", "#59626d"
-_GLASS = "#8fc4e8"
-_EXIT, _START, _TOUR = "#0a8a5f", "#c8371f", "#3b6fb6"
-_TINTS = ("#e6f0fb", "#fdf1df", "#e5f5e9", "#f4e9f7", "#fdeae6", "#f2f1dc")
 _LONGER_SIDE = 11.0
 """The picture's longer side (inches)."""
-_PLAN_SIDE = 4.0
-"""Side of one plan on a sheet with several (inches)."""
+_PLAN_SIDE, _LARGEST_SHEET = 4.0, 24.0
+"""Side of one plan on a sheet with several, and largest side of the sheet (inches)."""
 _MOST_WITH_NAMES = 4
 """Largest number of plans on a sheet that still get names; with more, names overlap."""
-_SMALLEST_START = 0.004
+_SMALLESTHOME = 0.004
 """Least radius of a start's disc, as a share of the plan's longer side: it is to be seen."""
 _HAIR = 1e-3
 """Half the wall width (m) used to find the regions of floor to fill."""
 
 
-def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None:
-    """Write the plan of a world, with the tours named in `tours`, to a PNG file."""
+def world_figure(world: World, *, tours: Iterable[str] = ()) -> Figure:
+    """Return the plan of a world, with the tours named in `tours`."""
     x_min, y_min, x_max, y_max = world.bounds
     size = np.array([x_max - x_min, y_max - y_min])
     figure = Figure(figsize=tuple(np.maximum(size / size.max() * _LONGER_SIDE, 3.0)))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    draw_world(world, axes, tours=tours)
-    with atomic_write(path) as stream:
-        figure.savefig(stream, format="png", dpi=120)
+    draw_world(world, axes, tours=tours, names=True)
+    return figure
 
 
-def save_sheet(worlds: Sequence[World], path: Path) -> None:
-    """Write the plans of several worlds, each titled with its source, to one PNG file."""
+def sheet_figure(worlds: Sequence[World]) -> Figure:
+    """Return the plans of several worlds at one scale, each titled with its source."""
     columns = math.isqrt(len(worlds) - 1) + 1
     rows = -(-len(worlds) // columns)
-    figure = Figure(figsize=(_PLAN_SIDE * columns, _PLAN_SIDE * rows), layout="tight")
-    for index, world in enumerate(worlds, 1):
-        axes = figure.add_subplot(rows, columns, index)
-        draw_world(world, axes, names=len(worlds) <= _MOST_WITH_NAMES)
-        axes.set_title(world.source, fontsize=8, color=_TEXT)
-    with atomic_write(path) as stream:
-        figure.savefig(stream, format="png", dpi=100)
+    side = min(_PLAN_SIDE, _LARGEST_SHEET / columns)
+    figure = Figure(figsize=(side * columns, side * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    # All plans get the same extent, and thus one scale and one length of the scale bar.
+    corners = [np.reshape(_limits(world), (2, 2)) for world in worlds]
+    extent = np.max([high - low for low, high in corners], axis=0)
+    bar = round_length(float(extent[0]))
+    names = len(worlds) <= _MOST_WITH_NAMES
+    for axes in grid:
+        axes.set_axis_off()
+    for world, axes, (low, high) in zip(worlds, grid, corners, strict=False):
+        axes.set_title(world.source, fontsize=8, color=TEXT)
+        middle = (low + high) / 2
+        limits = np.ravel((middle - extent / 2, middle + extent / 2))
+        draw_world(world, axes, names=names, limits=limits, bar=bar)
+    return figure
 
 
-def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bool = True) -> None:
+def draw_world(
+    world: World,
+    axes: Axes,
+    *,
+    tours: Iterable[str] = (),
+    names: bool = True,
+    limits: Float64[np.ndarray, "4"] | None = None,
+    bar: float | None = None,
+) -> None:
     """Draw floor, rooms, walls, exits, movables, starts, a scale bar and the tours in `tours`.
 
     Light blue is glass. Grey is what the robot cannot reach behind walls: the inside of
-    furniture and of thick walls, and closed rooms.
+    furniture and of thick walls, and closed rooms. The name of a room is left out if it does not
+    fit into it.
+
+    Args:
+        world: The world.
+        axes: Where to draw.
+        tours: Names of tours to draw.
+        names: Whether to write the names of rooms and exits.
+        limits: Smallest x, y and largest x, y (m); None for the plan with a margin.
+        bar: Length of the scale bar (m); None for a round one.
     """
-    _draw_floor(world, axes, names)
-    for walls, colour in ((world.opaque, _WALL), (world.walls[world.glass], _GLASS)):
+    x0, y0, x1, y1 = _limits(world) if limits is None else limits
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
+    axes.set_axis_off()
+    rooms = _draw_floor(world, axes)
+    for walls, colour in ((world.opaque, WALL), (world.walls[world.glass], CORRECTED)):
         axes.add_collection(LineCollection(list(walls.reshape(-1, 2, 2)), colors=colour, lw=1.2))
     for name in tours:
-        axes.plot(*world.tours[name].T, color=_TOUR, lw=1.2, alpha=0.7)
-    _draw_exits(world, axes, names)
+        axes.plot(*world.tours[name].T, color=TRUTH, lw=1.2)
+    for x1, y1, x2, y2 in (opening.segment for opening in world.exits):
+        axes.plot([x1, x2], [y1, y2], color=EXIT, lw=2.5)
     draw_movables(world.movables, axes)
     x_min, y_min, x_max, y_max = world.bounds
-    radius = max(world.robot_radius, _SMALLEST_START * max(x_max - x_min, y_max - y_min))
+    radius = max(world.robot_radius, _SMALLESTHOME * max(x_max - x_min, y_max - y_min))
     for x, y, heading in world.starts:
-        axes.add_patch(Circle((x, y), radius, color=_START, zorder=3))
+        axes.add_patch(Circle((x, y), radius, color=HOME, zorder=3))
         nose = 2.5 * radius * np.array([np.cos(heading), np.sin(heading)])
-        axes.plot([x, x + nose[0]], [y, y + nose[1]], color=_START, lw=1.5)
-    _frame(world, axes)
+        axes.plot([x, x + nose[0]], [y, y + nose[1]], color=HOME, lw=1.5)
+    _draw_bar(world, axes, bar)
+    if names:
+        _write_names(world, axes, rooms)
 
 
-def _draw_floor(world: World, axes: Axes, names: bool) -> None:
-    """Shade what walls close off; tint and name the part of each room that the robot can reach."""
+def _draw_floor(world: World, axes: Axes) -> list[shapely.Polygon]:
+    """Shade what walls close off, and tint the part of each room that the robot can reach.
+
+    Return the largest piece of each such part.
+    """
     space = FreeSpace(world.walls, _HAIR)
     floor = space.region_at(world.starts[0, :2])
     shut = [
@@ -91,36 +136,41 @@ def _draw_floor(world: World, axes: Axes, names: bool) -> None:
         if region is not floor
         and space.is_enclosed(np.array(region.representative_point().coords[0]))
     ]
-    axes.add_collection(PatchCollection(shut, facecolor=_SOLID, edgecolor="none"))
-    starts = shapely.MultiPoint(world.starts[:, :2]).buffer(2 * world.robot_radius)
+    axes.add_collection(PatchCollection(shut, facecolor=SOLID, edgecolor="none"))
+    rooms = []
     for index, room in enumerate(world.rooms):
         pieces = shapely.get_parts(floor.intersection(shapely.Polygon(room.boundary)))
         polygons = [piece for piece in pieces if piece.geom_type == "Polygon"]
         patches = [patch_from_polygon(polygon) for polygon in polygons]
-        tint = _TINTS[index % len(_TINTS)]
+        tint = TINTS[index % len(TINTS)]
         axes.add_collection(PatchCollection(patches, facecolor=tint, edgecolor="none"))
-        if not names:
-            continue
-        widest = max(polygons, key=lambda polygon: float(polygon.area))
-        x, y = shapely.maximum_inscribed_circle(widest.difference(starts), tolerance=0.1).coords[0]
-        size = _text_size(world)
-        axes.text(x, y, room.name, color=_TEXT, fontsize=size, ha="center", va="center")
+        rooms.append(max(polygons, key=lambda polygon: float(polygon.area)))
+    return rooms
 
 
-def _draw_exits(world: World, axes: Axes, names: bool) -> None:
-    for opening in world.exits:
-        x1, y1, x2, y2 = opening.segment
-        axes.plot([x1, x2], [y1, y2], color=_EXIT, lw=2.5)
-        if not names:
-            continue
-        axes.annotate(
-            opening.name,
-            ((x1 + x2) / 2, (y1 + y2) / 2),
-            xytext=(4, 4),
-            textcoords="offset points",
-            color=_EXIT,
-            fontsize=0.8 * _text_size(world),
+def _write_names(world: World, axes: Axes, rooms: Sequence[shapely.Polygon]) -> None:
+    """Name rooms within their walls, and exits beside them, none over another."""
+    size = _text_size(world)
+    labels = [
+        Label(text=room.name, at=_middle(room.boundary), size=size, within=outline)
+        for room, outline in zip(world.rooms, rooms, strict=True)
+    ]
+    labels += [
+        Label(
+            text=opening.name,
+            at=_middle(np.reshape(opening.segment, (2, 2))),
+            colour=WALL,
+            size=max(0.7 * size, 4.0),
+            radius=2.0,
         )
+        for opening in world.exits
+    ]
+    place_labels(axes, labels, segments=world.walls, points=world.starts[:, :2])
+
+
+def _middle(points: Points) -> tuple[float, float]:
+    x, y = np.mean(points, axis=0)
+    return float(x), float(y)
 
 
 def _text_size(world: World) -> float:
@@ -129,19 +179,22 @@ def _text_size(world: World) -> float:
     return float(np.clip(420.0 / max(x_max - x_min, y_max - y_min), 4.0, 13.0))
 
 
-def _frame(world: World, axes: Axes) -> None:
-    """Set the axes' limits and draw a scale bar below the plan."""
+def _limits(world: World) -> Float64[np.ndarray, "4"]:
+    """Return the smallest x, y and the largest x, y of a plan with its margin and scale bar (m)."""
     x_min, y_min, x_max, y_max = world.bounds
     margin = 0.04 * max(x_max - x_min, y_max - y_min)
-    low = np.minimum((x_min - margin, y_min - 2 * margin), world.starts[:, :2].min(axis=0) - 0.5)
-    high = np.maximum((x_max + margin, y_max + margin), world.starts[:, :2].max(axis=0) + 0.5)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-    length = 10.0 ** np.floor(np.log10((x_max - x_min) / 2))
-    y = y_min - 1.2 * margin
-    axes.plot([x_min, x_min + length], [y, y], color=_WALL, lw=3, solid_capstyle="butt")
+    starts = world.starts[:, :2]
+    low = np.minimum((x_min - margin, y_min - 2 * margin), starts.min(axis=0) - 0.5)
+    high = np.maximum((x_max + margin, y_max + margin), starts.max(axis=0) + 0.5)
+    return np.concatenate((low, high))
+
+
+def _draw_bar(world: World, axes: Axes, length: float | None) -> None:
+    """Draw a scale bar below the plan, of `length` (m) if given."""
+    x_min, y_min, x_max, y_max = world.bounds
+    length = round_length(x_max - x_min) if length is None else length
+    y = y_min - 0.048 * max(x_max - x_min, y_max - y_min)
+    axes.plot([x_min, x_min + length], [y, y], color=WALL, lw=3, solid_capstyle="butt")
     axes.annotate(
         f"{length:g} m",
         (x_min + length, y),
@@ -149,11 +202,8 @@ def _frame(world: World, axes: Axes) -> None:
         textcoords="offset points",
         va="center",
         fontsize=9,
-        color=_WALL,
+        color=WALL,
     )
-
-
-_DOOR, _BOX, _WALKER = "#8a5a2b", "#c9a36b", "#7b3fa0"
 
 
 def draw_movables(movables: Movables, axes: Axes) -> None:
@@ -161,18 +211,18 @@ def draw_movables(movables: Movables, axes: Axes) -> None:
     for door in movables.doors:
         _draw_door(door, axes)
     for box in movables.boxes:
-        axes.add_patch(Polygon(box.corners, facecolor=_BOX, edgecolor=_DOOR, lw=0.8))
+        axes.add_patch(Polygon(box.corners, facecolor=PARTICLE, edgecolor=WALL, lw=0.8))
     for walker in movables.walkers:
         _draw_walker(walker, axes)
 
 
 def _draw_door(door: Door, axes: Axes) -> None:
     tip = np.array(door.hinge) + door.width * np.array([np.cos(door.heading), np.sin(door.heading)])
-    axes.plot(*np.stack((door.hinge, tip)).T, color=_DOOR, lw=2.5)
-    axes.plot(*np.array(door.sweep.exterior.coords).T, color=_DOOR, lw=0.8, ls=":")
+    axes.plot(*np.stack((door.hinge, tip)).T, color=BELIEVED, lw=2.5)
+    axes.plot(*np.array(door.sweep.exterior.coords).T, color=BELIEVED, lw=0.8, ls=":")
 
 
 def _draw_walker(walker: Walker, axes: Axes) -> None:
     points = [*walker.route, walker.route[0]] if walker.closed else walker.route
-    axes.plot(*np.array(points).T, color=_WALKER, lw=1.0, ls="--", alpha=0.7)
-    axes.add_patch(Circle(walker.route[0], walker.radius, color=_WALKER))
+    axes.plot(*np.array(points).T, color=PLACE, lw=1.0, ls="--")
+    axes.add_patch(Circle(walker.route[0], walker.radius, color=PLACE))

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from albot_cli.outputs import FORCE, JSON, check_file, check_suffix
+from albot_cli.outputs import FORCE, JSON, FigureFile, check_file, check_suffix, figure_options
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 
@@ -54,14 +54,20 @@ def list_agents(as_json: bool) -> None:
     help="Figures to show: evaluation.json of `albot evaluate --out`; repeatable.",
 )
 @click.option("--out", type=_FILE, help="The card, a .md file.  [default: FILE's name with .md]")
+@figure_options("the learning curve")
 @FORCE
 @JSON
 def write_agents_card(
-    file: Path, evaluations: tuple[Path, ...], out: Path | None, force: bool, as_json: bool
+    file: Path,
+    evaluations: tuple[Path, ...],
+    out: Path | None,
+    figure: FigureFile | None,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write the model card of the trained agent in FILE, and its learning curve."""
     from albot_agents.trained.agent_file import read_agent
-    from albot_agents.trained.card import read_evaluation, write_card
+    from albot_agents.trained.card import curve_figure, read_evaluation, write_card
 
     card = out or file.with_suffix(".md")
     check_suffix(card, ".md", option="--out")
@@ -71,7 +77,12 @@ def write_agents_card(
             raise InputError("--out", "another file than the agent's", str(path))
         check_file(path, force=force)
     figures = [read_evaluation(path, agent) for path in evaluations]
+    curve = agent.training.curve
+    if figure is not None and not curve.get("samples"):
+        raise InputError("--figure", "an agent with a learning curve", f"{file} without one")
     written = write_card(agent, file.stem, card, figures)
+    if figure is not None:
+        written.append(figure.save(curve_figure(curve)))
     if as_json:
         click.echo(json.dumps({"files": [str(path) for path in written]}))
         return

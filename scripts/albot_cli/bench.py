@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
 from albot_cli.count_type import CountType
-from albot_cli.long_run_page import write_long_run
-from albot_cli.outputs import FORCE, JSON, check_file, check_suffix
+from albot_cli.long_run_page import journey_figure, write_long_run
+from albot_cli.outputs import FORCE, JSON, FigureFile, check_file, check_suffix, figure_options
 from albot_cli.path_type import PathType
 from albot_cli.peers_page import range_accuracy, write_peers
 from albot_cli.progress import progress
@@ -57,6 +57,7 @@ PAGES = {"journey": write_long_run, "peers": write_peers}
     help="Number of times each environment is measured; the best counts. More rounds help on a "
     f"busy machine.  [default: {ROUNDS}]",
 )
+@figure_options("the journey")
 @FORCE
 @JSON
 def command(
@@ -64,6 +65,7 @@ def command(
     log: Path | None,
     out: Path | None,
     rounds: int | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -88,6 +90,7 @@ def command(
         check_suffix(out, ".md", option="--out")
         check_file(out, force=force)
         check_file(out.with_suffix(".png"), force=force)
+    _check_figure(figure, parts)
     if rounds is not None and parts and "env" not in parts:
         raise InputError("--rounds", "--part env, which is measured in rounds", ", ".join(parts))
     measures = _measures(log, rounds or ROUNDS)
@@ -103,7 +106,16 @@ def command(
     if out is not None:
         files = PAGES[paged[0]](out, figures[paged[0]], figures["machine"])
         figures["files"] = [str(path) for path in files]
+    if figure is not None:
+        figures["files"].append(str(figure.save(journey_figure(figures["journey"]))))
     click.echo(json.dumps(figures) if as_json else as_text(figures))
+
+
+def _check_figure(figure: FigureFile | None, parts: Sequence[str]) -> None:
+    """Raise InputError if there is a figure, but not the journey that it shows."""
+    if figure is not None and "journey" not in parts:
+        found = ", ".join(parts) or "all parts"
+        raise InputError("--figure", "--part journey, which it shows", found)
 
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:

@@ -15,7 +15,7 @@ from click.core import ParameterSource
 from albot_cli import completion
 from albot_cli.count_type import CountType
 from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import FORCE, JSON, check_folder
+from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
@@ -90,6 +90,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
     help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
 )
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
+@figure_options("the maps side by side")
 @FORCE
 @JSON
 @click.pass_context
@@ -106,6 +107,7 @@ def command(
     steps: int,
     jobs: int | None,
     out: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
     **presets: str | None,
@@ -144,8 +146,8 @@ def command(
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
     facts |= {"left_out": left_out(sources[0].log), "notes": notes}
     facts |= {"rows": rows, "stopped": stopped, "files": {}}
-    if out is not None:
-        write_files(out, facts, results, sources)
+    if out is not None or figure is not None:
+        write_files(out, figure, facts, results, sources)
     click.echo(json.dumps(facts) if as_json else as_text(facts))
     if stopped:
         return STOPPED

@@ -11,10 +11,11 @@ import numpy as np
 
 from albot_cli.map_report import left_out_line
 from albot_cli.mapper_runs import MapperChoice, RunResult, Source
-from albot_cli.outputs import filled_folder
+from albot_cli.outputs import FigureFile, filled_folder
 from albot_core.counts import many
+from albot_core.drawing.figure import save_figure
 from albot_core.evaluation.trajectory import alignment
-from albot_core.export.picture import Panel, write_pictures
+from albot_core.export.picture import Panel, layer_points, maps_figure
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
 
@@ -106,7 +107,8 @@ def as_markdown(rows: Sequence[dict[str, Any]]) -> str:
     """Return the rows as a Markdown table."""
     head, *body = _cells(rows)
     lines = [head, ["---"] + ["---:"] * (len(head) - 1), *body]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"{table}\n\n{note}" if (note := brackets(rows)) else table
 
 
 def as_text(facts: dict[str, Any]) -> str:
@@ -121,6 +123,7 @@ def as_text(facts: dict[str, Any]) -> str:
     for first, *cells in table:
         right = (f"{cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True))
         lines.append("  ".join((f"{first:<{widths[0]}}", *right)).rstrip())
+    lines += [note] if (note := brackets(facts["rows"])) else []
     died = [run for row in facts["rows"] for run in row["runs"] if run["error"] is not None]
     lines += [f"{run['mapper']}, seed {run['seed']}: {run['error']}" for run in died]
     lines += [left_out_line(facts["left_out"])] if facts["left_out"] else []
@@ -130,26 +133,38 @@ def as_text(facts: dict[str, Any]) -> str:
 
 
 def write_files(
-    folder: Path, facts: dict[str, Any], results: Sequence[RunResult], sources: Sequence[Source]
+    folder: Path | None,
+    figure: FigureFile | None,
+    facts: dict[str, Any],
+    results: Sequence[RunResult],
+    sources: Sequence[Source],
 ) -> None:
-    """Write figures, table and picture; enter their paths into `facts`.
+    """Write figures, table and picture, and the figure for a paper; enter the paths into `facts`.
 
     The picture is of the first seed. The folder's files are replaced once all are written.
     """
     panels = panels_of(facts["rows"], results, sources[0])
-    names = {"figures": FIGURES, "table": TABLE} | ({"picture": PICTURE} if panels else {})
-    facts["files"] = {kind: str(folder / name) for kind, name in names.items()}
+    drawn = maps_figure(panels) if panels else None
+    if figure is not None and drawn is not None:
+        facts["files"]["figure"] = str(figure.save(drawn))
+    if folder is None:
+        return
+    names = {"figures": FIGURES, "table": TABLE} | ({"picture": PICTURE} if drawn else {})
+    facts["files"] |= {kind: str(folder / name) for kind, name in names.items()}
     with filled_folder(folder) as scratch:
         write_text(scratch / FIGURES, json.dumps(facts, indent=1))
         write_text(scratch / TABLE, as_markdown(facts["rows"]) + "\n")
-        if panels:
-            write_pictures(scratch / PICTURE, panels)
+        if drawn is not None:
+            save_figure(drawn, scratch / PICTURE)
 
 
 def panels_of(
     rows: Sequence[dict[str, Any]], results: Sequence[RunResult], source: Source
 ) -> list[Panel]:
-    """Return the maps of the first seed, in the order of the rows."""
+    """Return the maps of the first seed, in the order of the rows.
+
+    A title tells the error of the map that is drawn and, as the table, the median of all seeds.
+    """
     drawn = {
         result.figures["mapper"]: result
         for result in results
@@ -158,13 +173,38 @@ def panels_of(
     panels = []
     for row in rows:
         result = drawn.get(row["mapper"])
-        if result is None or result.snapshot is None or result.path is None:
+        if result is None:
+            continue
+        title = _title(row, result.figures)
+        if result.snapshot is None or result.path is None:
+            note = f"no map: {result.figures['error']}"
+            panels.append(Panel(title, None, np.zeros((0, 3)), note=note))
             continue
         laid = None
         if source.reference is not None:
             frame = alignment(source.reference, result.path)
             laid = None if frame is None else compose(frame, source.reference.poses)
-        error = result.figures["corrected_ate_rmse_m"] or result.figures["ate_rmse_m"]
-        title = row["mapper"] + ("" if error is None else f", ATE {error:.2f} m")
-        panels.append(Panel(title, result.snapshot, result.path.poses, laid))
+        shows = any(len(layer_points(layer)) for layer in result.snapshot.layers)
+        note = "" if shows else "a path, but no map"
+        panels.append(Panel(title, result.snapshot, result.path.poses, laid, note))
     return panels
+
+
+def _title(row: dict[str, Any], drawn: dict[str, Any]) -> str:
+    """Return a panel's title: mapper, the error of the run drawn, and the median if it differs."""
+    error = drawn.get("ate_rmse_m")
+    if error is None:
+        return str(row["mapper"])
+    lines = [row["mapper"], f"ATE {error:.3f} m"]
+    if (corrected := drawn.get("corrected_ate_rmse_m")) is not None:
+        lines[1] += f", corrected {corrected:.3f} m"
+    if len(row["runs"]) > 1:
+        lines[1] += f" (seed {drawn['seed']}; median {row['ate_rmse_m']:.3f} m)"
+    return "\n".join(lines)
+
+
+def brackets(rows: Sequence[dict[str, Any]]) -> str:
+    """Return what the numbers in brackets are; empty for a single run of each mapper."""
+    if all(len(row["runs"]) < 2 for row in rows):
+        return ""
+    return "Medians over the seeds; in brackets the largest ATE of a seed."

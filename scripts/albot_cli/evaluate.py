@@ -18,15 +18,18 @@ from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
 from albot_cli.count_type import CountType
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, JSON, check_folder, filled_folder
+from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from albot_agents.evaluation.plan import Trial
     from albot_agents.evaluation.trial import Outcome
 
@@ -86,8 +89,9 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     "--out",
     type=PathType(file_okay=False),
     help="Folder for evaluation.json, episodes.csv (a row an episode) and, of tasks that can "
-    "succeed, a picture of the failures.",
+    "succeed, a picture of the failures if there are any.",
 )
+@figure_options("the failures")
 @FORCE
 @JSON
 def command(
@@ -105,6 +109,7 @@ def command(
     steps: int | None,
     jobs: int | None,
     out: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
 ) -> int:
@@ -159,9 +164,12 @@ def command(
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
     facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
+    drawn = _failures(facts, outcomes) if out is not None or figure is not None else None
+    if drawn is not None and figure is not None:
+        facts["files"]["figure"] = str(figure.save(drawn))
     if out is not None:
         files = {"--mapper-config": mapper_config, "--config": config}
-        _save(out, facts, outcomes, files)
+        _save(out, facts, outcomes, files, drawn)
     click.echo(json.dumps(facts) if as_json else _as_text(facts))
     return STOPPED if stopped else 0
 
@@ -271,11 +279,21 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
     return summarise(outcomes)
 
 
+def _failures(facts: dict[str, Any], outcomes: list[list[Outcome]]) -> Figure | None:
+    """Return the picture of the first agent's failures; None if there are none."""
+    if facts["success_rate"] is None:
+        return None
+    from albot_agents.evaluation.picture import failures_figure  # slow to load
+
+    return failures_figure(outcomes[0])
+
+
 def _save(
     out: Path,
     facts: dict[str, Any],
     outcomes: list[list[Outcome]],
     given_files: dict[str, Path | None],
+    drawn: Figure | None,
 ) -> None:
     """Write the figures, the episodes and the picture; add their paths to `facts`.
 
@@ -288,11 +306,11 @@ def _save(
     given = {option: str(path) for option, path in given_files.items() if path is not None}
     options = [word for option in given.items() for word in option]
     with filled_folder(out) as scratch:
-        if facts["success_rate"] is not None:
-            from albot_agents.evaluation.picture import save_failures
-
-            save_failures(outcomes[0], scratch / _PICTURE)
+        if drawn is not None:
+            save_figure(drawn, scratch / _PICTURE)
             facts["files"]["failures"] = str(out / _PICTURE)
+        else:
+            (out / _PICTURE).unlink(missing_ok=True)  # It would show those of an earlier run.
         episodes = [outcome for some in outcomes for outcome in some]
         write_text(scratch / _EPISODES, episodes_csv(episodes, options))
         write_text(scratch / _FIGURES, json.dumps(facts, indent=1))

@@ -10,7 +10,7 @@ import click
 from albot_cli import completion
 from albot_cli.experiment_tables import report_text
 from albot_cli.group import LazyGroup
-from albot_cli.outputs import FORCE, JSON, check_file, check_folder
+from albot_cli.outputs import FORCE, JSON, FigureFile, check_file, check_folder, figure_options
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -103,12 +103,14 @@ def list_experiments(as_json: bool) -> None:
     shell_complete=completion.odometer_names,
     help="In a probe: the odometer.  [default: pioneer]",
 )
+@figure_options("its picture (FILE-NAME for each of several)")
 @FORCE
 @JSON
 def run_experiment(
     name: str,
     seeds: str | None,
     out: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
     **options: str | None,
@@ -121,6 +123,7 @@ def run_experiment(
 
     over = None if seeds is None else parse_seeds(seeds)
     chosen = list(EXPERIMENTS.values()) if name == ALL else [find_experiment(name)]
+    _check_figure(figure, name, force)
     for experiment in chosen:
         experiment.check()
     if out is not None:
@@ -136,7 +139,7 @@ def run_experiment(
             raise InputError(f"--{next(iter(given))}", "one probe", ALL)
         _run_all(chosen, over, out, as_json)
     else:
-        _run_one(chosen[0], over, out, as_json, given)
+        _run_one(chosen[0], over, out, figure, as_json, given)
 
 
 @command.command("page")
@@ -160,15 +163,30 @@ def write_ablation(folder: Path, force: bool) -> None:
     click.echo(str(page))
 
 
+def _check_figure(figure: FigureFile | None, name: str, force: bool) -> None:
+    """Raise InputError if the figure is of no single experiment, or a file of its name exists."""
+    if figure is None:
+        return
+    if name == ALL:
+        raise InputError("--figure", "one experiment", ALL)
+    for other in sorted(figure.path.parent.glob(figure.named("*").path.name)):
+        check_file(other, force=force)
+
+
 def _run_one(
     experiment: Experiment,
     seeds: range | None,
     out: Path | None,
+    figure: FigureFile | None,
     as_json: bool,
     options: dict[str, str],
 ) -> None:
     report = _run(experiment, seeds, **options)
     files = report.write(out) if out else []
+    if figure is not None:
+        is_alone = len(report.pictures) == 1
+        for picture, drawn in report.pictures.items():
+            files.append((figure if is_alone else figure.named(picture)).save(drawn))
     if as_json:
         click.echo(json.dumps(report.as_json() | {"files": [str(path) for path in files]}))
     else:

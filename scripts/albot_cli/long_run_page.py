@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from albot_core.files import atomic_write, write_text
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import SERIES
+from albot_core.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,8 +43,7 @@ def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> list[Path]:
         InputError: A file cannot be written.
     """
     picture = path.with_suffix(".png")
-    with atomic_write(picture) as stream:
-        _drawn(rows).savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
+    save_figure(journey_figure(rows), picture)
     write_text(path, page(rows, machine, picture.name))
     return [path, picture]
 
@@ -93,8 +94,8 @@ def _changes(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _drawn(rows: Sequence[Row]) -> Figure:
-    """Plot cost, memory and size of the map over the path length."""
+def journey_figure(rows: Sequence[Row]) -> Figure:
+    """Return the plot of cost, memory and size of the map over the path length."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 3.4), layout="constrained")
@@ -109,8 +110,9 @@ def _drawn(rows: Sequence[Row]) -> Figure:
         ),
     )
     for axes, (title, names, unit) in zip(figure.subplots(1, 3), panels, strict=True):
-        for label, name in names.items():
-            axes.plot(kilometres, [unit * row[name] for row in rows], ".-", label=label)
+        for colour, (label, name) in zip(SERIES, names.items(), strict=False):
+            heights = [unit * row[name] for row in rows]
+            axes.plot(kilometres, heights, ".-", color=colour, label=label)
         axes.set(title=title, xlabel="way (km)", ylim=(0, None))
         if len(names) > 1:
             axes.legend(frameon=False)

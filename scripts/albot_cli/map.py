@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from albot_cli import completion
+from albot_cli.error_report import errors_csv, errors_figure, errors_markdown
 from albot_cli.map_report import (
     RECOGNITION,
+    Score,
     as_table,
     check_moments,
     draw_recognition,
@@ -21,20 +25,22 @@ from albot_cli.map_report import (
 )
 from albot_cli.mappers import mapper_config_option, read_mapper_config
 from albot_cli.mapping_run import MappingRun, run_mapper, warm_up
-from albot_cli.outputs import FORCE, JSON, check_folder, filled_folder
+from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, alignment, read_relations
 from albot_core.export.g2o import write_g2o
 from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import write_graphml
 from albot_core.export.map_server import write_map_server
-from albot_core.export.picture import write_picture
+from albot_core.export.picture import Panel, map_figure
 from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
 from albot_core.logs.example import EXAMPLE
+from albot_core.logs.log import Log
 from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import save_map
 from albot_core.mappers.mapper import AttractorNetwork, PlaceMemory
@@ -46,11 +52,15 @@ from albot_core.mappers.registry import (
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_env.recording.log import read_log_or_episode
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _FILE = PathType()
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 NETWORK, EVENTS, CORRECTED = "network.graphml", "events.txt", "corrected.tum"
 POSE_GRAPH = "network.g2o"
 GRID, GRID_PICTURE = "grid.yaml", "grid.pgm"
+ERRORS, ERROR_TABLE, ERROR_PICTURE = "errors.csv", "errors.md", "errors.png"
 FILES = (
     TRAJECTORY,
     SURFACES,
@@ -63,6 +73,9 @@ FILES = (
     EVENTS,
     CORRECTED,
     RECOGNITION,
+    ERRORS,
+    ERROR_TABLE,
+    ERROR_PICTURE,
 )
 """Names of the files that `--out` writes."""
 
@@ -84,13 +97,19 @@ FILES = (
     "poses. A log that holds its own reference needs none.",
 )
 @click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
-@click.option("--out", type=_FILE, help="Folder for the trajectory, surfaces, picture and map.")
+@click.option(
+    "--out",
+    type=_FILE,
+    help="Folder for the trajectory, surfaces, picture and map and, with a reference, the errors "
+    "over time: a table, a CSV file and a picture.",
+)
 @click.option(
     "--recognition",
     is_flag=True,
     help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
 @click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
+@figure_options("the map")
 @FORCE
 @JSON
 def command(
@@ -102,6 +121,7 @@ def command(
     out: Path | None,
     recognition: bool,
     keep_going: bool,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -141,19 +161,31 @@ def command(
     if recognition and known is not None:
         figures["recognition"] = recognition_figures(recorded, known, run.believed)
     title = f"{mapper} on {recorded.name}"
-    figures["files"] = write_files(out, title, run, truth) if out else None
+    scores = {mapper: mapped, **({"corrected": corrected} if corrected else {})}
+    scores |= {} if recorded.is_odometry_constant else {"odometer": odometry}
+    figures["files"] = None
+    if out or figure:
+        drawn = _draw(title, run, truth)
+        files = write_files(out, title, run, drawn, recorded, scores) if out else {}
+        figures["files"] = files | ({"figure": str(figure.save(drawn))} if figure else {})
     if out and figures.get("recognition"):
         figures["files"]["recognition"] = draw_recognition(out, title, figures["recognition"])
     click.echo(json.dumps(figures) if as_json else as_table(figures))
 
 
 def write_files(
-    folder: Path, title: str, run: MappingRun, reference: Trajectory | None
+    folder: Path,
+    title: str,
+    run: MappingRun,
+    drawn: Figure,
+    log: Log,
+    scores: Mapping[str, Score],
 ) -> dict[str, str]:
     """Write trajectory, surfaces, picture and map; return the paths by kind of file.
 
     The network, the events, the grid and the corrected trajectory are written too if the mapper has
-    them. The folder's files are replaced only when all are complete.
+    them, and the errors if any of `scores` has them. The folder's files are replaced only when all
+    are complete.
     """
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     with filled_folder(folder) as scratch:
@@ -175,21 +207,20 @@ def write_files(
             write_text(scratch / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
             names["events"] = EVENTS
         save_map(run.mapper, scratch / MAP)
-        _draw(scratch / PICTURE, title, run, reference)
+        if any(score.positions is not None for score in scores.values()):
+            write_text(scratch / ERRORS, errors_csv(log, scores))
+            write_text(scratch / ERROR_TABLE, errors_markdown(scores))
+            save_figure(errors_figure(title, log, scores), scratch / ERROR_PICTURE)
+            names |= {"errors": ERRORS, "error_table": ERROR_TABLE, "error_picture": ERROR_PICTURE}
+        save_figure(drawn, scratch / PICTURE)
     return {kind: str(folder / name) for kind, name in names.items()}
 
 
-def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None) -> None:
-    """Draw the map, with the reference trajectory aligned to the estimated one."""
+def _draw(title: str, run: MappingRun, reference: Trajectory | None) -> Figure:
+    """Return the picture of the map, with the reference trajectory aligned to the estimated one."""
     frame = None if reference is None else alignment(reference, run.believed)
     network = None
     if run.packets is not None and isinstance(run.mapper, AttractorNetwork):
         network = run.mapper.activity, run.packets
-    write_picture(
-        path,
-        title=title,
-        snapshot=run.mapper.snapshot(),
-        believed=run.believed.poses,
-        reference=None if reference is None or frame is None else compose(frame, reference.poses),
-        network=network,
-    )
+    laid = None if reference is None or frame is None else compose(frame, reference.poses)
+    return map_figure(Panel(title, run.mapper.snapshot(), run.believed.poses, laid), network)

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from albot_cli.error_report import error_figures
 from albot_cli.mapping_run import MappingRun
 from albot_core.counts import many
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
 from albot_core.evaluation.moments import (
@@ -20,14 +22,17 @@ from albot_core.evaluation.moments import (
     pair_moments,
     read_clock,
 )
-from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
+from albot_core.evaluation.recognition import measure_recognition, precision_recall_figure
 from albot_core.evaluation.trajectory import (
+    ErrorStatistics,
+    PositionErrors,
     RelationError,
     Relations,
+    RelativeErrors,
     Trajectory,
-    TrajectoryError,
+    position_errors,
     relation_error,
-    trajectory_error,
+    relative_errors,
 )
 from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
@@ -44,8 +49,14 @@ _UNKNOWN = "–"
 class Score:
     """Errors of a trajectory; None where the ground truth is unknown."""
 
-    trajectory: TrajectoryError | None
+    positions: PositionErrors | None
+    relative: RelativeErrors | None
     relations: RelationError | None
+
+    @property
+    def trajectory(self) -> ErrorStatistics | None:
+        """The absolute trajectory error (m)."""
+        return None if self.positions is None else ErrorStatistics.of(self.positions.distances)
 
 
 def score(
@@ -53,7 +64,8 @@ def score(
 ) -> Score:
     """Compare a trajectory with the reference and the relations, if known."""
     return Score(
-        trajectory=trajectory_error(trajectory, reference) if reference else None,
+        positions=position_errors(trajectory, reference) if reference else None,
+        relative=relative_errors(trajectory, reference) if reference else None,
         relations=relation_error(trajectory, relations) if relations else None,
     )
 
@@ -133,10 +145,11 @@ def report(
     `ate_rmse_m` and `relations` are the errors of the poses estimated online at each scan. Those
     with `corrected_…` are the errors of the poses as estimated at the end, if the mapper corrects
     earlier poses. `ate_moments` is the number of moments that log and reference have in common.
-    A constant odometer has no figures.
+    `errors` has the statistics of the errors as evo names them (see `error_figures`). A constant
+    odometer has no figures.
     """
     if log.is_odometry_constant:
-        odometry = Score(trajectory=None, relations=None)
+        odometry = Score(positions=None, relative=None, relations=None)
     scans, snapshot = len(log.readings), run.mapper.snapshot()
     return {
         "log": log.name,
@@ -157,6 +170,9 @@ def report(
         "relations": _relations(mapped.relations),
         "corrected_relations": _relations(corrected.relations) if corrected else None,
         "odometry_relations": _relations(odometry.relations),
+        "errors": error_figures(mapped),
+        "corrected_errors": error_figures(corrected) if corrected else None,
+        "odometry_errors": error_figures(odometry),
         "map_entropy": _entropy(log, run.believed.poses),
         "odometry_map_entropy": (None if log.is_odometry_constant else _entropy(log, log.odometry)),
         "left_out": left_out(log),
@@ -236,6 +252,14 @@ def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
         rows.append((f"trajectory error, ATE rmse{over}", f"{mine:.2f} m", odometer))
     if (corrected := figures["corrected_ate_rmse_m"]) is not None:
         rows.append(("… of the corrected poses", f"{corrected:.2f} m", ""))
+    for name, label, unit, digits in (
+        ("rpe_m", "error per metre, RPE rmse", " m", 3),
+        ("rpe_deg", "turn error per metre, RPE rmse", "°", 2),
+    ):
+        mine, its = (_rmse(figures[key], name) for key in ("errors", "odometry_errors"))
+        if mine is not None:
+            odometer = _UNKNOWN if its is None else f"{its:.{digits}f}{unit}"
+            rows.append((label, f"{mine:.{digits}f}{unit}", odometer))
     mine, its = figures["relations"], figures["odometry_relations"]
     if mine is not None:
         over = f"over {mine['count']} relations"
@@ -246,6 +270,11 @@ def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
         odometer = _UNKNOWN if its is None else f"{its:.2f}"
         rows.append(("map entropy, lower is sharper", f"{mine:.2f}", odometer))
     return rows
+
+
+def _rmse(errors: dict[str, Any] | None, name: str) -> float | None:
+    found = None if errors is None else errors[name]
+    return None if found is None else float(found["rmse"])
 
 
 def _metres(error: dict[str, int | float] | None) -> str:
@@ -296,7 +325,8 @@ def recognition_figures(log: Log, truth: Trajectory, believed: Trajectory) -> di
 def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
     """Draw the precision-recall curve into a folder; return the picture's path."""
     path = folder / RECOGNITION
-    draw_precision_recall(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
+    curve = np.reshape(figures["curve"], (-1, 2)).astype(float)
+    save_figure(precision_recall_figure(title, curve), path)
     return str(path)
 
 

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
+from albot_cli.path_type import PathType
+from albot_core.drawing.figure import PRINT_DPI, SUFFIXES, check_figure_name, save_figure
 from albot_core.errors import InputError
 from albot_core.files import atomic_write, exists, is_stream, new_folder, scratch_folder
 from albot_core.interrupts import interrupts_deferred
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite existing files.")
 """The option of every command that writes files named by the user."""
@@ -19,6 +27,11 @@ JSON = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object, and show no progress."
 )
 """The option of every command whose results a program may read."""
+_OTHER_FILES = ("png", "record", "out")
+"""Options that name other files that a command writes."""
+_DPIS = (50, 600)
+"""Fewest and most dots an inch of a figure."""
+_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
@@ -74,6 +87,83 @@ def check_suffix(path: Path, suffix: str, *, option: str) -> None:
     """
     if path.suffix.lower() != suffix:
         raise InputError(option, f"a name that ends in {suffix}", str(path))
+
+
+@dataclass(frozen=True)
+class FigureFile:
+    """A figure for a paper, as `--figure` and `--dpi` ask for it."""
+
+    path: Path
+    dpi: int
+
+    def named(self, name: str) -> FigureFile:
+        """Return the file of one of several figures: `FILE-NAME` with the same ending."""
+        return replace(self, path=self.path.with_stem(f"{self.path.stem}-{name}"))
+
+    def save(self, figure: Figure) -> Path:
+        """Save a figure there; return its path."""
+        save_figure(figure, self.path, self.dpi)
+        return self.path
+
+
+def save_both(drawn: Figure, png: Path | None, figure: FigureFile | None) -> dict[str, str]:
+    """Save a picture as the files asked for; return their paths by `png` and `figure`."""
+    files = {}
+    if png is not None:
+        save_figure(drawn, png)
+        files["png"] = str(png)
+    if figure is not None:
+        files["figure"] = str(figure.save(drawn))
+    return files
+
+
+def figure_options(shows: str) -> Callable[[_Command], _Command]:
+    """Return the decorator that adds `--figure` and `--dpi` to a command.
+
+    The command gets `figure`, a `FigureFile` or None, once the file's name and place are right.
+    It needs `--force`, and writes the figure to no other option's file.
+
+    Args:
+        shows: What the figure shows, for the help.
+    """
+    endings = ", ".join(SUFFIXES)
+
+    def decorate(command: _Command) -> _Command:
+        @wraps(command)
+        def checked(*arguments: Any, figure: Path | None, dpi: int | None, **options: Any) -> Any:
+            others = {name: file for name, file in options.items() if name in _OTHER_FILES}
+            found = _figure_file(figure, dpi, others, options["force"])
+            return command(*arguments, figure=found, **options)
+
+        add = click.option(
+            "--dpi",
+            type=click.IntRange(*_DPIS),
+            help=f"Dots an inch of the --figure.  [default: {PRINT_DPI}]",
+        )
+        add_figure = click.option(
+            "--figure",
+            metavar="FILE",
+            type=PathType(dir_okay=False),
+            help=f"Draw {shows} for a paper: {endings}.",
+        )
+        return cast(_Command, add_figure(add(checked)))
+
+    return decorate
+
+
+def _figure_file(
+    path: Path | None, dpi: int | None, others: dict[str, Path | None], force: bool
+) -> FigureFile | None:
+    if path is None:
+        if dpi is not None:
+            raise InputError("--dpi", "--figure FILE, whose dots it counts", "none")
+        return None
+    check_figure_name(path, "--figure")
+    for name, other in others.items():
+        if other is not None and other.resolve() == path.resolve():
+            raise InputError("--figure", f"a file other than that of --{name}", str(path))
+    check_file(path, force=force)
+    return FigureFile(path, dpi or PRINT_DPI)
 
 
 @contextmanager

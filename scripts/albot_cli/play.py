@@ -19,7 +19,16 @@ from albot_cli.config import config_option, read_task_config
 from albot_cli.count_type import CountType
 from albot_cli.evaluate import recall_text, way_out
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, JSON, check_file, check_png, check_suffix
+from albot_cli.outputs import (
+    FORCE,
+    JSON,
+    FigureFile,
+    check_file,
+    check_png,
+    check_suffix,
+    figure_options,
+    save_both,
+)
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_core.counts import many
@@ -134,6 +143,7 @@ RUN_ONLY = (
     help="Where the picture of truth and map is written.  [default: episode.png, or the first free "
     "one as above; none for EPISODE]",
 )
+@figure_options("truth and map")
 @FORCE
 @click.option(
     "--speed",
@@ -149,6 +159,7 @@ def command(
     what: str | None,
     record: Path | None,
     png: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
     **options: Any,
@@ -167,12 +178,12 @@ def command(
         check_suffix(record, SUFFIX, option="--record")
         _check_picture(png, record, force)
         check_file(record, force=force)
-        summary = _run(what, record=record, png=png, force=force, **options)
+        summary = _run(what, record=record, png=png, figure=figure, force=force, **options)
     else:
         if png is not None:
             _check_picture(png, episode, force)
         _check_play_back(ctx)
-        summary = _play_back(episode, png, options["speed"] or 10.0, options["headless"])
+        summary = _play_back(episode, png, figure, options["speed"] or 10.0, options["headless"])
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
 
 
@@ -221,6 +232,7 @@ def _run(
     steps: int,
     record: Path,
     png: Path,
+    figure: FigureFile | None,
     force: bool,
     speed: float | None,
     headless: bool,
@@ -264,7 +276,7 @@ def _run(
         def keep() -> None:
             """Write the files before the last picture is shown, which may stay for long."""
             inside.recorder.close()
-            _save_picture(episode.frame, png)
+            _save_picture(episode.frame, png, figure)
 
         with (
             _report_partial_recording(record),
@@ -278,7 +290,7 @@ def _run(
             **_summary(episode),
             "world": world,
             "seed": seed,
-            "files": {"episode": str(record), "picture": str(png)},
+            "files": _files(record, png, figure),
             "coverage": info.get("coverage"),
             "rooms_entered": info.get("rooms_entered"),
             "success": info.get("is_success"),
@@ -341,7 +353,9 @@ def _report_partial_recording(record: Path) -> Iterator[None]:
         raise
 
 
-def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
+def _play_back(
+    episode: Path, png: Path | None, figure: FigureFile | None, speed: float, headless: bool
+) -> dict[str, Any]:
     """Play an episode back and return its summary."""
     from albot_cli.episodes import RecordedEpisode
     from albot_cli.watch import open_viewer, watch
@@ -355,12 +369,12 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     if reader.torn:
         warning = f"{episode}: never closed, ends early; played up to its last complete chunk"
         click.echo(f"albot: {warning}, at {recorded.time:.1f} s", err=True)
-    if png is not None:
-        _save_picture(recorded.frame, png)
+    if png is not None or figure is not None:
+        _save_picture(recorded.frame, png, figure)
     return {
         **_summary(recorded),
         "seed": reader.header.seed,
-        "files": {"episode": str(episode), "picture": None if png is None else str(png)},
+        "files": _files(episode, png, figure),
         "coverage": None,
         "rooms_entered": len(recorded.rooms),
         "success": None,
@@ -390,11 +404,17 @@ def _summary(episode: PlayedEpisode) -> dict[str, Any]:
     }
 
 
-def _save_picture(frame: Frame, path: Path) -> None:
-    """Save the picture; matplotlib is loaded only here."""
-    from albot_env.rendering.picture import save_picture
+def _files(episode: Path, png: Path | None, figure: FigureFile | None) -> dict[str, str | None]:
+    """Return the paths by kind of file, with that of a figure only if it was asked for."""
+    files = {"episode": str(episode), "picture": None if png is None else str(png)}
+    return files if figure is None else {**files, "figure": str(figure.path)}
 
-    save_picture(frame, path)
+
+def _save_picture(frame: Frame, png: Path | None, figure: FigureFile | None) -> None:
+    """Save the picture; matplotlib is loaded only here."""
+    from albot_env.rendering.picture import episode_figure
+
+    save_both(episode_figure(frame), png, figure)
 
 
 def _as_text(summary: dict[str, Any]) -> str:
@@ -418,6 +438,6 @@ def _as_text(summary: dict[str, Any]) -> str:
         f"  {' · '.join(figures)}",
         f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
     ]
-    if summary["files"]["picture"]:
-        lines.append(f"  picture  {summary['files']['picture']}")
+    drawn = {kind: summary["files"].get(kind) for kind in ("picture", "figure")}
+    lines += [f"  {kind:<7}  {path}" for kind, path in drawn.items() if path]
     return "\n".join(lines)

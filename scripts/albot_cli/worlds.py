@@ -12,7 +12,17 @@ import numpy as np
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
-from albot_cli.outputs import FORCE, JSON, check_file, check_folder, check_png, filled_folder
+from albot_cli.outputs import (
+    FORCE,
+    JSON,
+    FigureFile,
+    check_file,
+    check_folder,
+    check_png,
+    figure_options,
+    filled_folder,
+    save_both,
+)
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
@@ -57,19 +67,26 @@ def list_worlds(as_json: bool) -> None:
 @command.command()
 @_WORLD
 @click.option("--png", type=PathType(), help="Draw its floor plan to a file.")
+@figure_options("its floor plan")
 @FORCE
 @_STRICT
 @JSON
-def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) -> None:
+def show(
+    spec: str,
+    png: Path | None,
+    figure: FigureFile | None,
+    force: bool,
+    strict: bool,
+    as_json: bool,
+) -> None:
     """Describe WORLD, and draw it."""
     check_png(png, force=force)
     world = _load(spec, strict)
     facts = summary(world)
-    if png is not None:
-        from albot_maps.drawing import save_picture  # matplotlib is slow to load
+    if png is not None or figure is not None:
+        from albot_maps.drawing import world_figure  # matplotlib is slow to load
 
-        save_picture(world, png)
-        facts["png"] = str(png)
+        facts |= save_both(world_figure(world), png, figure)
     click.echo(json.dumps(facts) if as_json else in_full(facts))
 
 
@@ -171,6 +188,7 @@ def _default(value: object, usual: int | None) -> str:
 )
 @click.option("--out", type=PathType(), help="The folder to write YAML files to.")
 @click.option("--png", type=PathType(), help="Draw all of them on one sheet.")
+@figure_options("all of them on one sheet")
 @FORCE
 @JSON
 def make(
@@ -180,15 +198,21 @@ def make(
     params: tuple[str, ...],
     out: Path | None,
     png: Path | None,
+    figure: FigureFile | None,
     force: bool,
     as_json: bool,
 ) -> None:
     """Make random worlds of a KIND: apartment, hall, maze, office, ring or warehouse."""
     check_png(png, force=force)
-    if out is None and png is None:
-        raise InputError("albot worlds make", "--out DIR, --png FILE or both", "neither")
-    if png is not None and count > _MOST_ON_A_SHEET:
-        raise InputError("--png", f"at most {_MOST_ON_A_SHEET} worlds on one sheet", str(count))
+    is_drawn = png is not None or figure is not None
+    if out is None and not is_drawn:
+        raise InputError("albot worlds make", "--out DIR, --png FILE or --figure FILE", "none")
+    if is_drawn and count > _MOST_ON_A_SHEET:
+        raise InputError(
+            "--png" if png else "--figure",
+            f"at most {_MOST_ON_A_SHEET} worlds on one sheet",
+            str(count),
+        )
     query = "?" + "&".join(params) if params else ""
     if out is not None:
         names = (f"{kind}-{number}.yaml" for number in range(seed, seed + count))
@@ -200,20 +224,21 @@ def make(
             world = load_world(f"random:{kind}:{seed + done}{query}")
             if scratch is not None:
                 write_text(scratch / f"{world.name}.yaml", world_text(world))
-            if png is not None:
+            if is_drawn:
                 drawn.append(world)
             file = str(out / f"{world.name}.yaml") if out else None
             made.append({**summary(world), "file": file})
             update(done + 1)
-    if png is not None:
-        from albot_maps.drawing import save_sheet  # matplotlib is slow to load
+    pictures: dict[str, str | None] = {"png": None, "figure": None}
+    if is_drawn:
+        from albot_maps.drawing import sheet_figure  # matplotlib is slow to load
 
-        save_sheet(drawn, png)
-    sheet = [str(png)] if png else []
-    facts = {"worlds": made, "png": sheet[0] if sheet else None}
+        pictures |= save_both(sheet_figure(drawn), png, figure)
     rows = ((each["source"], one_line(each), each["file"]) for each in made)
     lines = ("  ".join(filter(None, row)) for row in rows)
-    click.echo(json.dumps(facts) if as_json else "\n".join((*lines, *sheet)))
+    files = filter(None, pictures.values())
+    facts = {"worlds": made, **pictures}
+    click.echo(json.dumps(facts) if as_json else "\n".join((*lines, *files)))
 
 
 def summary(world: World) -> dict[str, Any]:
@@ -260,6 +285,7 @@ def in_full(facts: dict[str, Any]) -> str:
         ),
         "notes": "; ".join(facts["notes"]),
         "png": facts.get("png", ""),
+        "figure": facts.get("figure", ""),
     }
     return "\n".join(f"{title:8}{text}" for title, text in rows.items() if text)
 

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from albot_core.drawing.labels import Label, place_labels
+from albot_core.drawing.palette import SERIES
 from albot_core.geometry.types import Points
 from albot_core.mappers.albot0.geometric_map import GeometricMap
 from albot_core.mappers.albot0.localisation import CUES as CUE_MAPS
 from albot_core.mappers.albot0.localisation import Confidences
 from albot_env.sim.sonar import SONARS
 from albot_experiments.albot0_runs import BORDER, CUES, Stop, Tracked
-from albot_experiments.drawing import MARK, PATH, PLACES, SURFACE, draw_floor
+from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor, finish_maps
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import driven_tour
 from albot_maps import Room, World, load_world
@@ -274,6 +276,7 @@ def _picture(world: World, run: Run) -> Figure:
         for confidences, style in zip(run.drawn[index][1], (":", "--", "-"), strict=True):
             axes.plot(confidences, style, color=SURFACE if style == "-" else PATH, marker=".")
         axes.set(title=STOPS[column], ylim=(-0.05, 1.05), xlabel="ASR")
+    finish_maps(figure)
     return figure
 
 
@@ -283,27 +286,35 @@ def _draw_layout(axes: Axes, world: World, run: Run, shown: np.ndarray) -> None:
 
     draw_floor(axes, world.walls, SURFACE)
     out = run.robot.out
-    axes.plot(*out.T, color=PATH, lw=1.2)
-    axes.plot(*run.home.T, color=MARK, lw=1.0, ls="--")
+    axes.plot(*out.T, color=PATH, lw=1.2, label="way out")
+    axes.plot(*run.home.T, color=MARK, lw=1.0, ls="--", label="way home")
+    labels = []
     for place in range(int(run.robot.places.max()) + 1):
         own = out[run.robot.places == place]
         spread = np.cov(own.T) if len(own) > 1 else np.zeros((2, 2))
         sizes, axis = np.linalg.eigh(spread)
         width, height = 4 * np.sqrt(np.maximum(sizes[::-1], 0)) + 1.0
         angle = np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))
-        colour = PLACES[place % len(PLACES)]
+        colour = SERIES[place % len(SERIES)]
         middle = own.mean(axis=0)
         axes.add_patch(Ellipse(middle, width, height, angle=angle, fc="none", ec=colour, lw=1.5))
-        axes.annotate(str(place), tuple(middle), color=colour, weight="bold", fontsize=12)
+        at = (float(middle[0]), float(middle[1]))
+        labels.append(Label(text=str(place), at=at, colour=colour, size=12.0, weight="bold"))
     for letter, index in zip(STOPS, shown, strict=True):
-        axes.plot(*run.drawn[index][0], "k.")
-        axes.annotate(letter, tuple(run.drawn[index][0]), weight="bold")
+        x, y = run.drawn[index][0]
+        axes.plot(x, y, ".", color=SURFACE)
+        at = (float(x), float(y))
+        labels.append(Label(text=letter, at=at, colour=SURFACE, radius=3.0, weight="bold"))
+    ways = [np.hstack((way[:-1], way[1:])) for way in (out, run.home)]
+    place_labels(axes, labels, segments=np.concatenate((world.walls, *ways)))
 
 
 def _draw_map(axes: Axes, drawn: GeometricMap) -> None:
     """Draw figures 1(b) and 1(c): surfaces, the way, and split points."""
-    draw_floor(axes, drawn.steps.surfaces, SURFACE, 1.2)
+    draw_floor(axes, drawn.steps.surfaces, SURFACE, 1.2, "surfaces of the map")
     way = drawn.steps.lines
-    axes.plot(*np.concatenate((way[:1, :2], way[:, 2:])).T, color=PATH, lw=1.0)
+    axes.plot(
+        *np.concatenate((way[:1, :2], way[:, 2:])).T, color=PATH, lw=1.0, label="path in the map"
+    )
     points = np.concatenate((drawn.regions.lines[:, :2], drawn.regions.lines[-1:, 2:]))
-    axes.plot(*points.T, "o", color=MARK, ms=5)
+    axes.plot(*points.T, "o", color=MARK, ms=5, ls="none", label="split points")

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_experiments.albot1_places import PlacedTour, place_tour
-from albot_experiments.drawing import draw_place_graph, draw_route
+from albot_experiments.drawing import draw_place_graph, draw_route, finish_maps
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import guided_tour
@@ -139,4 +139,5 @@ def _picture(world: World, placed: Placed) -> Figure:
         for axes, (start, several) in zip(others, runs.items(), strict=True):
             draw_place_graph(axes, world, several[0].place_graph, several[0].journey.truth[0])
             axes.set_title(f"{name}, from {start}")
+    finish_maps(figure)
     return figure

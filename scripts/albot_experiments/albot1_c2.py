@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments.albot1_places import PlacedTour, place_tour
-from albot_experiments.drawing import draw_place_graph, draw_route
+from albot_experiments.drawing import draw_place_graph, draw_route, finish_maps
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import guided_tour
@@ -168,4 +168,5 @@ def _picture(world: World, placed: dict[str, PlacedTour]) -> Figure:
     for axes, (name, each) in zip(others, placed.items(), strict=True):
         draw_place_graph(axes, world, each.place_graph, each.journey.truth[0])
         axes.set_title(f"{name}: network of places")
+    finish_maps(figure)
     return figure

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.drawing.palette import SERIES
 from albot_core.geometry.poses import relative
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_experiments.albot1_e3 import DISTURBANCE, moved_by
 from albot_experiments.albot1_places import PlacedTour, between, place_tour
-from albot_experiments.drawing import draw_place_graph
+from albot_experiments.drawing import draw_place_graph, finish_maps
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ID = "albot1-c3"
@@ -201,6 +203,7 @@ def _picture(world: World, laps: dict[str, list[SecondLap]]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.6 * len(JUDGED), 10.4), layout="constrained")
+    charts: list[Axes] = []
     for (name, how), (floor, chart) in zip(
         JUDGED.items(), figure.subplots(2, len(JUDGED)).T, strict=True
     ):
@@ -208,10 +211,18 @@ def _picture(world: World, laps: dict[str, list[SecondLap]]) -> Figure:
         lap = sorted(several, key=lambda each: each.drift)[len(several) // 2]
         draw_place_graph(floor, world, lap.placed.place_graph, lap.placed.journey.truth[0])
         floor.set_title(f"{name}{how}:\nplaces where they were learned")
-        for label, marker, gaps in zip(
-            ("aligned", "not aligned"), ("s", "^"), _gaps(several), strict=True
+        # Exits are kinds, without an order: nothing joins them.
+        for label, shift, colour, gaps in zip(
+            ("aligned", "not aligned"), (-0.18, 0.18), SERIES, _gaps(several), strict=False
         ):
-            chart.plot(EXITS, np.median(gaps, axis=0), marker=marker, label=label)
-        chart.set(ylabel="distance to the exit seen (m), median", ylim=(0, None))
-        chart.legend()
+            heights = np.median(gaps, axis=0)
+            chart.bar(np.arange(len(EXITS)) + shift, heights, 0.34, color=colour, label=label)
+        chart.set_xticks(range(len(EXITS)), EXITS)
+        chart.set(ylabel="distance to the exit seen (m), median")
+        chart.legend(frameon=False)
+        charts.append(chart)
+    highest = max(chart.get_ylim()[1] for chart in charts)
+    for chart in charts:
+        chart.set_ylim(0, highest)
+    finish_maps(figure)
     return figure

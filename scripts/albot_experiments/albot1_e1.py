@@ -12,7 +12,7 @@ from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Poses
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.mapper import Mapper
-from albot_experiments.drawing import draw_map, draw_route
+from albot_experiments.drawing import draw_map, draw_route, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     LARGEST_PATH_ERROR,
@@ -307,4 +307,5 @@ def _picture(trips: list[dict[str, Trip]]) -> Figure:
             surfaces = trip.mapped.mapper.snapshot().segments
             draw_map(axes, trip.world, surfaces, trip.mapped.poses, trip.shape.frame)
             axes.set_title(f"{name}: path {trip.shape.path_error:.2f} m off", fontsize=10)
+    finish_maps(figure)
     return figure

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from albot_core.geometry.types import Points, Segments
 from albot_env.sim.simulator import THESIS_STEPS, StartStop
-from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor
+from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     MappedJourney,
@@ -196,9 +196,10 @@ def _picture(world: World, traces: dict[str, list[Trace]]) -> Figure:
             (first, each.before, "when it comes back"),
             (last, each.after, "at the end"),
         ):
-            draw_floor(axes, surfaces, SURFACE, 1.0)
-            axes.plot(start[:, 0], start[:, 1], color=PATH, lw=0.6)
-            axes.plot(*start[0, :2], "o", color=MARK, ms=5)
+            draw_floor(axes, surfaces, SURFACE, 1.0, "surfaces of the map")
+            axes.plot(start[:, 0], start[:, 1], color=PATH, lw=0.6, label="estimated path")
+            axes.plot(*start[0, :2], "o", color=MARK, ms=5, ls="none", label="start")
             axes.set_title(f"{name}, {when}")
         last.set_xlabel(f"{each.wiped:.0%} of what is passed again is wiped")
+    finish_maps(figure)
     return figure

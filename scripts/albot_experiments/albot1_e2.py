@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from albot_core.drawing.labels import Label, place_labels
 from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
 from albot_core.geometry.types import Pose, Poses
-from albot_experiments.drawing import MARK, PATH, draw_floor
+from albot_experiments.drawing import MARK, PATH, draw_floor, finish_maps
 from albot_experiments.mapping import ALBOT1, MAPPERS, map_readings, median_and_worst
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour
@@ -183,10 +184,28 @@ def _picture(world: World, pointings: dict[str, list[Pointing]]) -> Figure:
         for pointing in pointings[name]:
             believed = compose(pointing.truth, pointing.believed)
             axes.plot(*np.stack((pointing.truth, believed))[:, :2].T, color=PATH, lw=0.5)
-            axes.plot(*believed[:2], ".", color=PATH, ms=4)
+            axes.plot(
+                *believed[:2],
+                ".",
+                color=PATH,
+                ms=4,
+                ls="none",
+                label="where home was believed to be",
+            )
         home = transform_points(pointings[name][0].truth, pointings[name][0].home[:2])
-        axes.plot(*home, "o", mfc="none", mec=MARK, ms=12, mew=2)
-        for stop in STOPS:
-            axes.annotate(stop.name, stop.at, color=MARK, fontsize=13, weight="bold")
+        axes.plot(*home, "o", mfc="none", mec=MARK, ms=12, mew=2, ls="none", label="home")
+        labels = [
+            Label(
+                text=stop.name,
+                at=(float(stop.at[0]), float(stop.at[1])),
+                colour=MARK,
+                size=12.0,
+                radius=4.0,
+                weight="bold",
+            )
+            for stop in STOPS
+        ]
+        place_labels(axes, labels, segments=world.walls, points=home[None])
         axes.set_title(name)
+    finish_maps(figure)
     return figure

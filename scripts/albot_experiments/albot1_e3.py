@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
+from albot_core.drawing.labels import Label, place_labels
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative, transform_points
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.simulator import THESIS_STEPS, StartStop
-from albot_experiments.drawing import MARK, PATH, draw_floor
+from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor, finish_maps
 from albot_experiments.mapping import ALBOT1, CHAPTER_3, map_readings, median_and_worst
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour
@@ -345,12 +346,22 @@ def _picture(runs: list[Runs]) -> Figure:
             _draw(axes, run)
             kind = ", disturbed" if how else ""
             axes.set_title(f"{floor}{kind}, {name}: A–B {run.error:.2f} m")
+    finish_maps(figure)
     return figure
 
 
 def _draw(axes: Axes, run: Run) -> None:
-    draw_floor(axes, run.surfaces, "#22262b")
-    axes.plot(run.poses[:, 0], run.poses[:, 1], color=PATH, lw=0.8)
-    axes.plot(run.corner[:, 0], run.corner[:, 1], color=MARK, lw=2.5)
-    for label, (x, y) in zip("AB", run.corner, strict=True):
-        axes.annotate(label, (x, y), color=MARK, fontsize=13, weight="bold")
+    draw_floor(axes, run.surfaces, SURFACE, label="surfaces of the map")
+    axes.plot(run.poses[:, 0], run.poses[:, 1], color=PATH, lw=0.8, label="estimated path")
+    axes.plot(
+        run.corner[:, 0],
+        run.corner[:, 1],
+        color=MARK,
+        lw=2.5,
+        label="from A to B, which are one corner",
+    )
+    labels = [
+        Label(text=letter, at=(x, y), colour=MARK, size=12.0, radius=3.0, weight="bold")
+        for letter, (x, y) in zip("AB", run.corner.tolist(), strict=True)
+    ]
+    place_labels(axes, labels, segments=run.surfaces)

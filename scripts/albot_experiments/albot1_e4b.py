@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from albot_experiments.drawing import draw_map
+from albot_experiments.drawing import draw_map, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     CHAPTER_3,
@@ -160,4 +160,5 @@ def _picture(world: World, drives: Drives) -> Figure:
             last = len(drive.poses) - 1
             draw_map(axes, world, drive.surfaces[last], drive.poses, drive.shape_after.frame)
             axes.set_title(f"{name}, {margin} m: {held:.2f} m held a metre")
+    finish_maps(figure)
     return figure

@@ -25,7 +25,7 @@ from albot_core.evaluation.trajectory import (
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.logs.log import Log, with_noise
-from albot_experiments.drawing import FLOOR, PATH, SURFACE, draw_floor
+from albot_experiments.drawing import FLOOR, PATH, SURFACE, draw_floor, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     LARGEST_PATH_ERROR,
@@ -271,15 +271,24 @@ def _picture(runs: list[Run]) -> Figure:
     grid = figure.subplots(len(MAPPERS), len(LOGS))
     for axes, run in zip(grid.T.ravel(), runs, strict=True):
         _draw(axes, run)
+    finish_maps(figure)
     return figure
 
 
 def _draw(axes: Axes, run: Run) -> None:
     floor = run.known.floor
-    axes.plot(*floor[:: -(-len(floor) // _DRAWN)].T, ",", color=FLOOR)
+    axes.plot(
+        *floor[:: -(-len(floor) // _DRAWN)].T,
+        ".",
+        color=FLOOR,
+        ms=1,
+        label="the log's corrected scans",
+    )
     surfaces = transform_segments(run.frame, run.mapped.mapper.snapshot().segments)
-    draw_floor(axes, surfaces, SURFACE)
-    axes.plot(*compose(run.frame, run.mapped.poses)[:, :2].T, color=PATH, lw=0.5)
+    draw_floor(axes, surfaces, SURFACE, label="surfaces of the map")
+    axes.plot(
+        *compose(run.frame, run.mapped.poses)[:, :2].T, color=PATH, lw=0.5, label="estimated path"
+    )
     axes.set_title(
         f"{run.real.name}, {run.mapped.mapper.spec.name}:\n{run.walls[0].precision:.0%} of it right"
     )

@@ -14,7 +14,7 @@ from albot_env.sim.laser import LASERS
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator, StartStop, follow_leg
-from albot_experiments.drawing import draw_map
+from albot_experiments.drawing import draw_map, finish_maps
 from albot_experiments.mapping import (
     Shape,
     Walls,
@@ -174,4 +174,5 @@ def _picture(runs: Mapping[str, list[Runs]]) -> Figure:
             run = runs[odometer][0][name]
             draw_map(axes, world, run.surfaces, run.poses, run.shape.frame)
             axes.set_title(f"{name}, odometer {odometer}: {run.shape.path_error:.2f} m")
+    finish_maps(figure)
     return figure

@@ -13,12 +13,13 @@ from albot_agents.evaluation.plan import Trial as Episode
 from albot_agents.evaluation.trial import Outcome, TrialRunner
 from albot_agents.registry import check_agent, find_agent
 from albot_agents.workers import run_parallel
+from albot_core.drawing.palette import TRUTH, WALL
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
 from albot_core.geometry.poses import wrap_angle
 from albot_env.tasks.probe.scenes import Scene, Trial
 from albot_env.tasks.probe.task import PROBES, ProbeConfig
-from albot_experiments.drawing import MARK, PATH, PLACES, draw_floor
+from albot_experiments.drawing import MARK, PATH, draw_floor, finish_maps
 from albot_experiments.report import Figures, Report
 from albot_maps import load_world
 
@@ -242,6 +243,7 @@ def _picture(scene: Scene, outcomes: Mapping[str, list[Outcome]]) -> Figure:
             _draw(axes, scene, world, here)
             right = sum(is_right(scene, outcome) for outcome in here)
             axes.set_title(f"{agent}: {right} of {len(here)} right", fontsize=9)
+    finish_maps(figure)
     return figure
 
 
@@ -251,11 +253,18 @@ def _draw(axes: Axes, scene: Scene, world: str, outcomes: Iterable[Outcome]) -> 
     draw_floor(axes, walls)
     points = []
     for outcome in outcomes:
-        colour = PLACES[0] if is_right(scene, outcome) else PATH
-        axes.plot(*outcome.path.T, color=colour, lw=0.8, alpha=0.7)
-        axes.plot(*outcome.path[0], ".", color="#22262b", ms=5)
-        axes.plot(*outcome.path[-1], "x", color=colour, ms=5)
-        axes.plot(*outcome.start[:2], "*", color=MARK, ms=10)
+        colour = TRUTH if is_right(scene, outcome) else PATH
+        axes.plot(
+            *outcome.path.T,
+            color=colour,
+            lw=0.8,
+            label="right" if is_right(scene, outcome) else "wrong",
+        )
+        axes.plot(*outcome.path[0], ".", color=WALL, ms=5, ls="none", label="start")
+        axes.plot(*outcome.path[-1], "x", color=colour, ms=5, ls="none")
+        axes.plot(
+            *outcome.start[:2], "o", mfc="none", mec=MARK, mew=2, ms=9, ls="none", label="home"
+        )
         points += [outcome.path, outcome.start[np.newaxis, :2]]
     if points and np.ptp(walls.reshape(-1, 2), axis=0).max() > 60.0:  # An open floor.
         low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)

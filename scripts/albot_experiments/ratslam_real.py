@@ -18,7 +18,7 @@ from albot_core.logs.log import Log
 from albot_core.mappers.mapper import CorrectedTrajectory, PlaceMemory, require
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import PlaceGraph
-from albot_experiments.drawing import FLOOR, MARK, PATH, SURFACE
+from albot_experiments.drawing import FLOOR, MARK, PATH, SURFACE, finish_maps
 from albot_experiments.mapping import median_and_worst
 from albot_experiments.real_logs import LOGS, KnownLog, RealLog, read_real_log
 from albot_experiments.report import Figures, Report, each_seed
@@ -237,16 +237,36 @@ def _picture(runs: list[Run]) -> Figure:
         }
         for edge in run.graph.edges:
             ends = np.array((places[edge.source], places[edge.target]))
-            below.plot(*ends.T, color=PATH, lw=0.6)
-        below.plot(*np.array(list(places.values())).T, ".", color=MARK, ms=2)
+            below.plot(*ends.T, color=PATH, lw=0.6, label="transitions")
+        below.plot(
+            *np.array(list(places.values())).T,
+            ".",
+            color=MARK,
+            ms=2,
+            ls="none",
+            label="experiences",
+        )
+    finish_maps(figure)
     return figure
 
 
 def _draw(axes: Axes, run: Run, poses: Poses, name: str, error: float | None) -> Pose:
     frame, floor = _frame(run.known, poses), run.known.floor
     cloud = transform_points(frame, _cloud(run.known, poses))
-    axes.plot(*cloud[:: -(-len(cloud) // _DRAWN)].T, ",", color=SURFACE)
-    axes.plot(*floor[:: -(-len(floor) // _DRAWN)].T, ",", color=FLOOR)
+    axes.plot(
+        *cloud[:: -(-len(cloud) // _DRAWN)].T,
+        ".",
+        color=SURFACE,
+        ms=1,
+        label="scans along the path",
+    )
+    axes.plot(
+        *floor[:: -(-len(floor) // _DRAWN)].T,
+        ".",
+        color=FLOOR,
+        ms=1,
+        label="the log's corrected scans",
+    )
     axes.set(aspect="equal", xticks=[], yticks=[])
     figure = "" if error is None else f": {error:.2f} m"
     axes.set_title(f"{run.real.name}, {name}{figure}")

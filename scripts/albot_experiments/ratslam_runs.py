@@ -187,7 +187,7 @@ def draw_experiences(axes: Axes, run: Run, world: World | None) -> None:
         ),
         axis=1,
     ).reshape(-1, 2)
-    axes.plot(ends[:, 0], ends[:, 1], color=SURFACE, lw=0.5)
-    axes.plot(poses[:, 0], poses[:, 1], ".", color=MARK, ms=3)
+    axes.plot(ends[:, 0], ends[:, 1], color=SURFACE, lw=0.5, label="transitions")
+    axes.plot(poses[:, 0], poses[:, 1], ".", color=MARK, ms=3, ls="none", label="experiences")
     axes.set(aspect="equal", xticks=[], yticks=[])
     axes.autoscale_view()

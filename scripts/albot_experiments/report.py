@@ -23,7 +23,7 @@ Scalar: TypeAlias = float | int | bool | str | None
 Figures: TypeAlias = "Scalar | Mapping[str, Figures]"
 """The values that a report can hold."""
 
-_COLOURS = 48
+_COLOURS = 96
 """Number of colours of a picture."""
 COMMAND = "albot experiment run all --out docs/experiments --force"
 """The command that writes the page of all reports."""

@@ -11,7 +11,7 @@ import numpy as np
 from albot_core.geometry.types import Points, Poses, Segments
 from albot_core.mappers.mapper import CorrectedTrajectory, Mapper
 from albot_core.maps.layers import OccupancyGridLayer
-from albot_experiments.drawing import draw_map, draw_points
+from albot_experiments.drawing import draw_map, draw_points, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     LARGEST_PATH_ERROR,
@@ -162,6 +162,7 @@ class Drives:
             for axes, when in zip(column, ("before", "after"), strict=True):
                 self._draw(axes, drive, when)
                 axes.set_title(f"{name}, {when} revisiting:\n{axes.get_title()}")
+        finish_maps(figure)
         return figure
 
     def _draw(self, axes: Axes, drive: Drive, when: str) -> None:
@@ -181,6 +182,7 @@ class Drives:
             shape = drive.shape_after
             draw_points(axes, self.world, drive.cells, drive.poses, shape.frame)
             axes.set_title(f"{name}: path {shape.path_error:.2f} m off")
+        finish_maps(figure)
         return figure
 
 

@@ -22,8 +22,9 @@ from albot_cli.comparison_report import FIGURES, as_markdown, panels_of, rows_of
 from albot_cli.count_type import CountType
 from albot_cli.mapper_runs import MapperChoice, Source, compare_mappers
 from albot_cli.path_type import PathType
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
-from albot_core.export.picture import write_pictures
+from albot_core.export.picture import maps_figure
 from albot_core.files import atomic_write, write_text
 from albot_core.mappers.registry import installed_mappers
 
@@ -180,7 +181,7 @@ def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: 
         rows[row["mapper"]] = row
         if panels := panels_of([row], results, sources[0]):
             picture = _picture(folder, row["mapper"])
-            write_pictures(picture, panels)
+            save_figure(maps_figure(panels), picture)
             _shrink(picture)
     log = sources[0].log
     figures: dict[str, Any] = {"readings": len(log.readings), "path_m": log.path_length}

@@ -97,12 +97,13 @@ LESSONS = {
     ),
     "Albot/ExploreAndHome-v1": Lesson(
         teacher="round-trip",
-        limit=1200,
+        limit=600,
         robots=32,
         updates=800,
         config={
-            "shortest": 90.0,
-            "longest": 120.0,
+            "shortest": 40.0,
+            "longest": 60.0,
+            "ground": 10.0,
             "observations": {
                 "parts": [
                     "laser", "motion", "heading", "home", "coverage", "frontier", "time_left",

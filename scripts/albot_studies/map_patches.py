@@ -13,6 +13,8 @@ import numpy as np
 from albot_agents.agent import EnvironmentConfigs
 from albot_agents.registry import make_agent
 from albot_cli.path_type import PathType
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import DARK, DARK_FREE, rgb
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.registry import installed_mappers
@@ -26,15 +28,19 @@ if TYPE_CHECKING:
 MAPPERS = ("albot1", "association", "gmapping", "graph-slam", "ratslam")
 WORLD, SEED, STEPS = "random:office:3", 1, 1500
 COLOURS = {
-    "free": (0.16, 0.19, 0.24),
-    "walls": (0.85, 0.86, 0.88),
-    "trail": (0.25, 0.55, 0.95),
-    "exits": (0.95, 0.65, 0.15),
-    "places": (0.85, 0.35, 0.75),
-    "home": (0.35, 0.85, 0.35),
+    name: tuple(share / 255 for share in rgb(colour))
+    for name, colour in (
+        ("free", DARK_FREE),
+        ("walls", DARK["surface"]),
+        ("trail", DARK["believed"]),
+        ("exits", DARK["doorway"]),
+        ("places", DARK["place"]),
+        ("home", DARK["home"]),
+    )
 }
 """The channels in the order in which they are painted, and their colours."""
 _GROUND = 0.06
+ROBOT = (1.0, 0.2, 0.2)
 
 
 @click.command()
@@ -51,7 +57,7 @@ def command(out: Path, mappers: Sequence[str]) -> None:
     rows = np.reshape(figure.subplots(len(mappers), 3), (-1, 3))
     for axes, mapper in zip(rows, mappers, strict=True):
         _draw(axes, mapper)
-    figure.savefig(out, dpi=90)
+    save_figure(figure, out)
     click.echo(str(out))
 
 
@@ -89,7 +95,7 @@ def painted(channels: dict[str, np.ndarray], square: int) -> np.ndarray:
                 share = np.clip(shown, 0.25, 1.0)[..., None]
                 image = np.where(shown[..., None] > -1, share * np.array(colour), image)
     middle = len(image) // 2
-    image[middle - 1 : middle + 1, middle - 1 : middle + 1] = (1.0, 0.2, 0.2)
+    image[middle - 1 : middle + 1, middle - 1 : middle + 1] = ROBOT
     return np.asarray(image)
 
 
@@ -105,8 +111,10 @@ def _draw_map(axis: Axes, snapshot: Any, pose: np.ndarray, sides: Sequence[float
         axis.plot(*way.poses[:, :2].T, color=COLOURS["trail"], linewidth=0.6)
     graph = snapshot.place_graph
     if graph.nodes and len(graph.nodes) < 200:
-        axis.plot(*np.array([node.middle for node in graph.nodes]).T, "o", ms=2, color="orchid")
-    axis.plot(*pose[:2], "o", ms=4, color=(1.0, 0.2, 0.2))
+        axis.plot(
+            *np.array([node.middle for node in graph.nodes]).T, "o", ms=2, color=COLOURS["places"]
+        )
+    axis.plot(*pose[:2], "o", ms=4, color=ROBOT)
     half = sides[0] / 2
     corners = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
     lines = np.concatenate((corners, np.roll(corners, -1, axis=0)), axis=1)

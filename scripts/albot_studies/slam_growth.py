@@ -20,7 +20,8 @@ import numpy as np
 from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
-from albot_core.files import atomic_write
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import SERIES, WALL
 from albot_core.mappers.registry import installed_mappers, make_mapper
 from albot_core.mappers.slam.dp_slam import DpSlam
 from albot_core.mappers.slam.dp_slam_config import DpSlamConfig
@@ -140,25 +141,24 @@ def draw(
     scans: list[int], costs: dict[str, list[float]], memories: list[Memory], out: Path
 ) -> None:
     """Draw both diagrams side by side."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for line, cost in costs.items():
-        left.plot(scans, 1e3 * np.array(cost), label=line)
+    for colour, (line, cost) in zip(SERIES, costs.items(), strict=False):
+        left.plot(scans, 1e3 * np.array(cost), color=colour, label=line)
     _label(left, "processor time a scan, ms", "What a scan costs")
     left.set_yscale("log")
-    right.plot(scans, memories[-1].ground, "k", lw=2, label="squares seen")
+    right.plot(scans, memories[-1].ground, color=WALL, lw=2, label="squares seen")
     for k, memory in enumerate(memories):
-        right.plot(scans, memory.observations, f"C{k}", label=f"{memory.particles} particles")
+        right.plot(
+            scans, memory.observations, color=SERIES[k], label=f"{memory.particles} particles"
+        )
         apart = memory.particles * np.array(memory.ground)
-        right.plot(scans, apart, f"C{k}--", label=f"{memory.particles} maps")
+        right.plot(scans, apart, "--", color=SERIES[k], label=f"{memory.particles} maps")
     _label(right, "observations of squares", "What dp-slam remembers")
     right.set_yscale("log")
-    FigureCanvasAgg(figure)
-    with atomic_write(out) as stream:
-        figure.savefig(stream, format="png", dpi=110)
+    save_figure(figure, out)
 
 
 def _label(axes: Axes, what: str, title: str) -> None:

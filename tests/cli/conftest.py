@@ -26,6 +26,7 @@ from albot_env.tasks.explore.env import ExploreEnv
 from tests.env.quick import LOOP
 
 FILES = {"trajectory.tum", "surfaces.geojson", "map.png", "map.albot"}
+ERRORS = {"errors.csv", "errors.md", "errors.png"}
 PLACES = {"network.graphml", "network.g2o", "events.txt"}
 """The files of a mapper that knows places besides."""
 """What `albot map --out` writes."""

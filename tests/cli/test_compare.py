@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from albot_cli import mapper_runs
-from albot_cli.comparison_report import FILES, as_markdown, rows_of
+from albot_cli.comparison_report import FILES, as_markdown, panels_of, rows_of
 from albot_cli.mapper_runs import MapperChoice, MapperRun, RunResult, Source, no_figures
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
+from albot_core.export.picture import maps_figure
 from albot_core.export.tum import write_tum
 from albot_core.logs.reader import read_log
 from albot_core.mappers.registry import MAPPERS, installed_mappers, mapper_spec
+from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from tests.cli.conftest import expect_error, figures
 
 KEYS = {
@@ -204,4 +207,39 @@ def test_rows_and_columns_of_what_is_known(corridor):
         "| mapper | ATE, m | relations, m | relations, ° | updates |",
         "| --- | ---: | ---: | ---: | ---: |",
         "| one | 0.200 (0.300) | 0.100 | 1.00 | 1 |",
+        "",
+        "Medians over the seeds; in brackets the largest ATE of a seed.",
     ]
+
+
+def test_panels_tell_what_the_table_tells(corridor):
+    """The first seed's error by name beside the table's median; and why a panel is empty."""
+    source = Source(log=read_log(corridor[0]), seed=0)
+    drawn, empty, dead = choices = [
+        MapperChoice(label=name, name="odometry") for name in ("drawn", "empty", "dead")
+    ]
+    path = Trajectory(stamps=np.arange(3.0), poses=np.zeros((3, 3)))
+    wall = SegmentsLayer(segments=np.array([[0.0, 0.0, 40.0, 5.0]]))
+    results = []
+    for choice, snapshot in ((drawn, MapSnapshot(layers=(wall,))), (empty, MapSnapshot(layers=()))):
+        for seed, error in enumerate((0.3, 0.1, 0.2)):
+            run = MapperRun(choice=choice, source=replace(source, seed=seed))
+            found = no_figures(run) | {"ate_rmse_m": error}
+            results.append(RunResult(figures=found, snapshot=snapshot, path=path))
+    run = MapperRun(choice=dead, source=source)
+    results.append(RunResult(figures=no_figures(run) | {"error": "the process died"}))
+    panels = panels_of(rows_of(choices, results), results, source)
+    assert [panel.title for panel in panels] == [
+        "drawn\nATE 0.300 m (seed 0; median 0.200 m)",
+        "empty\nATE 0.300 m (seed 0; median 0.200 m)",
+        "dead",
+    ]
+    assert [panel.note for panel in panels] == [
+        "", "a path, but no map", "no map: the process died",
+    ]  # fmt: skip
+    figure = maps_figure(panels)
+    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes}) == 1
+    assert [axes.get_xlabel() for axes in figure.axes] == 3 * ["x (m)"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["y (m)", "", ""]
+    names = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert names == {"believed path", "surfaces", "home"}

@@ -61,6 +61,19 @@ def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
     assert len((tmp_path / "new" / "episodes.csv").read_text().splitlines()) == 1 + 2
 
 
+def test_no_picture_of_failures_if_nothing_failed(run: Albot, tmp_path: Path) -> None:
+    words = ("evaluate", "Albot/Homing-v0", "--agent", "oracle", "--seeds", "3..3", "--jobs", "1")
+    out, figure = tmp_path / "new", tmp_path / "failures.pdf"
+    out.mkdir()
+    (out / "failures.png").write_text("of an earlier run")
+    status, told, _ = run(*words, "--out", str(out), "--figure", str(figure), "--force", "--json")
+    assert status == 0
+    assert json.loads(told)["success_rate"] == 1.0
+    assert json.loads(told)["files"].keys() == {"figures", "episodes"}
+    assert {path.name for path in out.iterdir()} == {"evaluation.json", "episodes.csv"}
+    assert not figure.exists()
+
+
 def test_two_agents_in_the_same_episodes(
     run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,7 +21,7 @@ from albot_core.mappers.map_file import load_map
 from albot_core.mappers.mapper import Estimate
 from albot_core.mappers.odometry.mapper import OdometryMapper
 from albot_core.mappers.registry import installed_mappers, mapper_names, mapper_spec
-from tests.cli.conftest import FILES, PLACES, expect_error, figures
+from tests.cli.conftest import ERRORS, FILES, PLACES, expect_error, figures
 
 KEYS = {
     "log",
@@ -107,10 +107,45 @@ def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, ca
     result = call("map", corridor[0], "--mapper", "odometry", "--reference", truth_file)
     lines = result.stdout.splitlines()
     assert lines[0].startswith("corridor.log: 28 scans along 10.4 m")
-    header, error, entropy = lines[-3:]
+    header, error, metre, turn, entropy = lines[-5:]
     assert header.split() == ["odometry", "odometer"]
     assert re.fullmatch(r"trajectory error, ATE rmse +(0\.1\d m) +\1", error)
+    assert re.fullmatch(r"error per metre, RPE rmse +(0\.\d{3} m) +\1", metre)
+    assert re.fullmatch(r"turn error per metre, RPE rmse +(\d\.\d\d°) +\1", turn)
     assert re.fullmatch(r"map entropy, lower is sharper +(-\d\.\d\d) +\1", entropy)
+
+
+def test_the_errors_over_time(corridor, truth_file, call, tmp_path):
+    path, truth = corridor
+    out = tmp_path / "out"
+    words = "map", path, "--reference", truth_file
+    found = figures(call(*words, "--out", out, "--json"))
+    for errors, rmse in (
+        (found["errors"], found["ate_rmse_m"]),
+        (found["odometry_errors"], found["odometry_ate_rmse_m"]),
+    ):
+        assert errors["ape_m"]["rmse"] == pytest.approx(rmse)
+        assert errors["ape_m"]["count"] == len(truth.stamps)
+        for kind in errors.values():
+            assert kind["min"] <= kind["median"] <= kind["max"]
+            assert kind["rmse"] ** 2 == pytest.approx(kind["mean"] ** 2 + kind["std"] ** 2)
+    head, *lines = (out / "errors.csv").read_text().splitlines()
+    assert head == "stamp_s,albot1_ape_m,odometer_ape_m"
+    rows = np.array([line.split(",") for line in lines], float)
+    assert rows[:, 0] == pytest.approx(truth.stamps, abs=1e-5)
+    assert np.sqrt(np.mean(rows[:, 1] ** 2)) == pytest.approx(found["ate_rmse_m"], abs=1e-5)
+    table = (out / "errors.md").read_text()
+    mine = found["errors"]["rpe_m"]
+    assert f"| albot1 | RPE, m per metre | {mine['rmse']:.4f} | {mine['mean']:.4f} |" in table
+    assert (out / "errors.png").read_bytes().startswith(b"\x89PNG")
+    assert figures(call("map", path, "--json"))["errors"] is None
+
+
+def test_the_figure_for_a_paper(corridor, call, tmp_path):
+    drawn = tmp_path / "map.svg"
+    found = figures(call("map", corridor[0], "--figure", drawn, "--json"))
+    assert found["files"] == {"figure": str(drawn)}
+    assert ">x (m)</text>" in drawn.read_text()
 
 
 def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, call, tmp_path):
@@ -127,7 +162,7 @@ def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, 
 def test_the_files(corridor, truth_file, call, tmp_path):
     out = tmp_path / "new" / "out"
     found = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
-    assert {path.name for path in out.iterdir()} == FILES | PLACES
+    assert {path.name for path in out.iterdir()} == FILES | PLACES | ERRORS
     assert {Path(path) for path in found["files"].values()} == set(out.iterdir())
     shown = call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "again").stdout
     assert all(f"  {path}\n" in shown for path in (tmp_path / "again").iterdir())
@@ -177,7 +212,7 @@ def test_all_files_or_none(corridor, call, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(albot_cli.map, "write_picture", fail)
+    monkeypatch.setattr(albot_cli.map, "save_figure", fail)
     result = call("map", corridor[0], "--out", tmp_path / "out")
     assert result.exception is not None
     assert [path.name for path in tmp_path.iterdir()] == ["corridor.log"]
@@ -223,13 +258,13 @@ def test_a_folder_is_filled_and_nothing_around_it_touched(corridor, call, tmp_pa
     out = tmp_path / "around" / "out"
     out.mkdir(parents=True)
     around = []
-    draw = albot_cli.map.write_picture
+    draw = albot_cli.map.save_figure
 
     def draw_and_look(*arguments: object, **named: Any) -> None:
         around.extend(out.parent.iterdir())
         draw(*arguments, **named)
 
-    monkeypatch.setattr(albot_cli.map, "write_picture", draw_and_look)
+    monkeypatch.setattr(albot_cli.map, "save_figure", draw_and_look)
     assert call("map", corridor[0], "--out", out).exit_code == 0
     assert around == [out]
     assert {path.name for path in out.iterdir()} == FILES | PLACES

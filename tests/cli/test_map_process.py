@@ -69,7 +69,7 @@ def test_stopping_leaves_nothing_half_written(corridor, tmp_path, number):
     code = (
         "import os, signal, albot_cli.map as files\n"
         "from albot_cli.main import main\n"
-        f"files.write_picture = lambda *_, **__: os.kill(os.getpid(), {number})\n"
+        f"files.save_figure = lambda *_, **__: os.kill(os.getpid(), {number})\n"
         "main()"
     )
     command = [sys.executable, "-c", code, "map", corridor[0], "--out", tmp_path / "out"]

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner, Result
 
-from albot_cli.outputs import check_file, check_folder, check_png, filled_folder
+from albot_cli.outputs import (
+    FORCE,
+    FigureFile,
+    check_file,
+    check_folder,
+    check_png,
+    figure_options,
+    filled_folder,
+)
 from albot_core.errors import InputError
 
 
@@ -87,3 +98,53 @@ def test_a_folder_is_filled_at_the_end_or_not_at_all(tmp_path: Path) -> None:
         "a.md": "a.md",
         "b.md": "b.md",
     }
+
+
+@click.command()
+@click.option("--png", type=Path)
+@figure_options("a square")
+@FORCE
+def draw(png: Path | None, figure: FigureFile | None, force: bool) -> None:
+    """Tell what is to be drawn."""
+    click.echo(f"{png} {figure and (figure.path.name, figure.dpi)} {force}")
+
+
+def drawn(*words: object) -> Result:
+    return CliRunner().invoke(draw, [*map(str, words)])
+
+
+def test_a_figure_has_300_dots_an_inch_or_as_many_as_asked_for(tmp_path: Path) -> None:
+    assert drawn().output == "None None False\n"
+    assert drawn("--figure", tmp_path / "a.pdf").output == "None ('a.pdf', 300) False\n"
+    found = drawn("--figure", tmp_path / "a.SVG", "--dpi", 150)
+    assert found.output == "None ('a.SVG', 150) False\n"
+    assert FigureFile(tmp_path / "a.pdf", 300).named("b").path == tmp_path / "a-b.pdf"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--figure", "a.jpg"), r"--figure: expected a name that ends in \.png, \.pdf or \.svg"),
+        (("--figure", "none/a.pdf"), r"none/a\.pdf: expected an existing folder"),
+        (("--figure", "old.pdf"), r"old\.pdf: expected no existing file, or --force"),
+        (("--figure", "a.png", "--png", "a.png"), "--figure: expected a file other than that of"),
+        (("--dpi", "300"), "--dpi: expected --figure FILE"),
+    ],
+)
+def test_a_figure_that_cannot_be_is_told_before_the_work(
+    words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("old.pdf").write_text("")
+    result = drawn(*words)
+    assert result.output == ""
+    assert isinstance(result.exception, InputError)
+    assert re.match(message, str(result.exception))
+    assert drawn("--figure", "old.pdf", "--force").exit_code == 0
+
+
+@pytest.mark.parametrize("dpi", ["49", "601", "many"])
+def test_dots_beyond_reason_are_refused(dpi: str) -> None:
+    result = drawn("--figure", "a.png", "--dpi", dpi)
+    assert result.exit_code == 2
+    assert "--dpi" in result.output

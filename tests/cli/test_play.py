@@ -131,9 +131,12 @@ def test_the_same_seed_gives_the_same_files(play: Play, tmp_path: Path) -> None:
 
 def test_a_recorded_episode_plays_back_to_the_same_end(play: Play, tmp_path: Path) -> None:
     ran = json.loads(play(*SHORT, "--json").stdout)
-    back = play("episode.mcap", "--png", "again.png", "--json")
+    words = ("--png", "again.png", "--figure", "paper.pdf")
+    back = play("episode.mcap", *words, "--json")
     assert back.returncode == 0, back.stderr
     played = json.loads(back.stdout)
+    assert played["files"]["figure"] == "paper.pdf"
+    assert (tmp_path / "paper.pdf").read_bytes().startswith(b"%PDF")
     for key in KEYS - {"files"}:
         assert played[key] == ran[key], key
     assert played["files"]["picture"] == "again.png"

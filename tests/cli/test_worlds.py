@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from albot_cli import worlds
 from albot_cli.main import main
 from albot_maps import catalogue_names, load_world
 from albot_maps.generators.spec import KINDS, parameters_of
+from tests.maps.formats import test_plan_xml
 
 GOOD = """\
 albot-world: 1
@@ -277,7 +278,7 @@ def test_make_draws_a_contact_sheet(albot):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("office",), "expected --out DIR, --png FILE or both, found neither"),
+        (("office",), "expected --out DIR, --png FILE or --figure FILE, found none"),
         (("ofice", "--out", "o"), "found ofice (did you mean office?)"),
         (("office", "--out", "o", "--param", "room=3"), "found room (did you mean rooms?)"),
         (("office", "--out", "o", "--param", "rooms"), "found 'rooms'"),
@@ -321,3 +322,88 @@ def test_a_log_is_no_world(albot, corridor, words):
     assert (status, out) == (2, "")
     assert "expected a world file" in err
     assert "found a robot's log, CARMEN" in err
+
+
+@pytest.mark.parametrize("words", [("check",), ("show",), ("convert", "-o", "out.yaml")])
+def test_a_strict_reading_refuses_what_would_be_left_out(albot, words):
+    left = "skipped: NOOK, whose outline encloses no area"
+    rooms = test_plan_xml.space("a", "A", test_plan_xml.LEFT)
+    Path("a.xml").write_text(test_plan_xml.plan(rooms, test_plan_xml.space("b", "NOOK", [])))
+    assert albot(*words, "a.xml")[0] == 0
+    Path("out.yaml").unlink(missing_ok=True)
+    status, out, err = albot(*words, "a.xml", "--strict")
+    assert (status, out) == (2, "")
+    assert err == f"albot: a.xml: expected a world without notes, with --strict, found {left}\n"
+    Path("a.xml").write_text(test_plan_xml.plan(rooms))
+    assert albot(*words, "a.xml", "--strict")[0] == 0
+
+
+@pytest.mark.parametrize("name", ["map.pgm", "map.png"])
+def test_a_picture_that_is_none_is_said_to_be_none(albot, name):
+    Path(name).write_text("hello, world\n")
+    Path("map.yaml").write_text(MAP.format(name))
+    status, out, err = albot("check", name)
+    assert (status, out) == (2, "")
+    assert err == (
+        f"albot: {name}: expected an intact PGM or PNG image (BMP, GIF and JPEG are read, too; "
+        "convert any other), found another format\n"
+    )
+
+
+def test_a_picture_with_8_bits_in_16_says_what_to_convert(albot):
+    Image.fromarray(np.zeros((4, 4), np.uint16)).save("map.png")
+    Path("map.yaml").write_text(MAP.format("map.png"))
+    _, _, err = albot("check", "map.yaml")
+    assert err == (
+        "albot: map.png: expected brightness from 0 to 65535 in a picture with 16 bits a pixel, "
+        "found 0 at most; convert it to 8 bits\n"
+    )
+
+
+def draw_track(folder: Path) -> None:
+    """A lane 3 m wide round an infield, in cells of 0.1 m; all else is white, outside too."""
+    image = Image.new("L", (300, 300), 255)
+    for radius in (50, 80):
+        box = (150 - radius, 150 - radius, 150 + radius, 150 + radius)
+        ImageDraw.Draw(image).ellipse(box, outline=0, width=3)
+    image.save(folder / "track.png")
+    (folder / "track.yaml").write_text(
+        MAP.format("/home/of/another/track.png").replace("0.05", "0.1")
+    )
+
+
+def test_the_start_on_a_race_track_is_in_its_picture_and_its_conversion(albot, tmp_path):
+    draw_track(tmp_path)
+    status, out, _ = albot("check", "track.yaml", "--json")
+    facts = json.loads(out)
+    (x, y, heading), notes = facts["starts"][0], facts["notes"]
+    assert (status, facts["closed"], heading) == (0, True, 0)
+    assert 5.3 < np.hypot(x - 15, y - 15) < 7.7
+    assert notes == ["/home/of/another/track.png is missing; used track.png"]
+    albot("convert", "track.yaml", "-o", "own.yaml")
+    _, out, _ = albot("show", "own.yaml", "--png", "own.png", "--json")
+    assert json.loads(out)["starts"] == facts["starts"]
+    pixels = np.asarray(Image.open("own.png").convert("RGB")).astype(int)
+    assert np.count_nonzero(np.abs(pixels - rgb(HOME)).max(axis=-1) < 20) > 50
+    status, _, err = albot("check", "track.yaml", "--strict")
+    assert status == 2
+    assert "track.png is missing" in err
+
+
+@pytest.mark.parametrize("at", ["[6, 1.5]", "[1, -9]"])
+def test_a_start_far_from_the_walls_is_refused(albot, tmp_path, at):
+    (tmp_path / "hut.yaml").write_text(GOOD.replace("[1, 1]", at))
+    status, out, err = albot("check", "hut.yaml")
+    assert (status, out) == (2, "")
+    assert "hut.yaml, line 6, starts[0]: expected at most 1 m outside the rectangle" in err
+
+
+def test_a_world_is_checked_for_a_robot(albot, tmp_path):
+    (tmp_path / "hut.yaml").write_text(GOOD.replace("[1, 1]", "[0.3, 1]"))
+    assert albot("check", "hut.yaml")[0] == 0
+    status, _, err = albot("check", "hut.yaml", "--robot", "peoplebot")
+    assert status == 2
+    assert "hut.yaml, line 6, starts[0]: expected free space of radius 0.34 m, found a" in err
+    status, _, err = albot("check", "hut.yaml", "--robot", "turtle")
+    assert status == 2
+    assert "--robot, robot: expected one of pioneer-3dx, kobuki, peoplebot" in err

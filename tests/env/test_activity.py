@@ -14,6 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from PIL import Image
 
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 from albot_core.maps.activity import Activity
 from albot_core.plain_data import Location
@@ -86,8 +87,9 @@ def _moved(frame: Frame) -> Frame:
 def test_the_window_and_the_picture_show_where_it_is_active(frame: Frame, tmp_path: Path) -> None:
     drawn = []
     for name, each in (("a", frame), ("b", _moved(frame))):
-        picture.save_picture(each, tmp_path / name)
-        with Image.open(tmp_path / name) as image:
+        path = tmp_path / f"{name}.png"
+        save_figure(picture.episode_figure(each), path)
+        with Image.open(path) as image:
             drawn.append(np.asarray(image.convert("RGB")).astype(int))
     painted = [canvas.paint_array(lay_out(each)).astype(int) for each in (frame, _moved(frame))]
     panel, full = np.array(canvas.PANEL), np.array(canvas.PALETTE["activity"])

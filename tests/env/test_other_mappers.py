@@ -19,6 +19,8 @@ from gymnasium.vector import SyncVectorEnv
 from mcap.reader import make_reader
 from PIL import Image
 
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import PLACE, rgb
 from albot_core.maps.layers import (
     EMPTY_MAP,
     MapSnapshot,
@@ -192,8 +194,9 @@ def test_pictures_and_terminals_show_what_they_map(
     frame = _drawn_env(two_rooms, mapper).frame
     pictures, texts = [], []
     for name, drawn in (("map", frame), ("bare", _without_map(frame))):
-        picture.save_picture(drawn, tmp_path / name)
-        with Image.open(tmp_path / name) as image:
+        path = tmp_path / f"{name}.png"
+        save_figure(picture.episode_figure(drawn), path)
+        with Image.open(path) as image:
             pictures.append(np.asarray(image.convert("RGB")))
         texts.append(draw_text(drawn, 160, 40).plain)
     shown, bare = texts
@@ -205,7 +208,7 @@ def test_pictures_and_terminals_show_what_they_map(
         dots, dots_of_bare = (sum(0x2800 < ord(c) < 0x2900 for c in text) for text in texts)
         assert dots > dots_of_bare + 10
     else:
-        place = tuple(bytes.fromhex(picture.PALETTE["place"][1:]))
+        place = rgb(PLACE)
         painted, unpainted = ((p == place).all(axis=2).sum() for p in pictures)
         assert painted > 100 > unpainted == 0
         assert MARK in shown

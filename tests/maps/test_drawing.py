@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from albot_core.drawing.palette import CORRECTED, HOME, WALL, rgb
 from albot_maps import World, load_world
 from albot_maps.drawing import draw_world
 
@@ -41,8 +42,8 @@ def test_glass_is_light_blue():
         for lines in axes.collections
         if isinstance(lines, LineCollection)
     }
-    assert drawn["#8fc4e8"] == 3
-    assert drawn["#22262b"] == len(world.walls) - 3
+    assert drawn[CORRECTED] == 3
+    assert drawn[WALL] == len(world.walls) - 3
 
 
 def test_walls_are_dark_floors_tinted_and_solids_grey(colour_at):
@@ -67,14 +68,14 @@ def test_every_start_is_in_the_picture(x, y, size):
     axes = figure.add_axes((0, 0, 1, 1))
     draw_world(world, axes)
     canvas.draw()
-    red, green, _ = np.asarray(canvas.buffer_rgba())[..., :3].astype(int).transpose(2, 0, 1)
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+    mark = np.abs(pixels - rgb(HOME)).max(axis=-1) < 20
     column, row = axes.transData.transform(start)
     assert 3 < column < 597
     assert 3 < row < 597
-    assert np.count_nonzero(red > green + 100) > 12
+    assert np.count_nonzero(mark) > 12
 
 
 def test_rooms_differ_and_the_start_is_marked(colour_at):
     assert not np.array_equal(colour_at(7, 11), colour_at(1.3, 20))
-    red, green, _ = colour_at(11.2, 6.6)
-    assert red > green + 100
+    assert tuple(colour_at(11.2, 6.6)) == rgb(HOME)

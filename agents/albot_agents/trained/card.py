@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from albot_agents.trained.agent_file import AgentFile
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import SERIES
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, write_text
+from albot_core.files import write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, deep_merge, read_record, to_plain
 from albot_core.robot import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _FIGURES = {
     "success_rate": "success",
@@ -63,7 +68,7 @@ def write_card(
         sections.append(_table(evaluations))
     written = [path]
     if curve.get("samples"):
-        _draw(curve, picture)
+        save_figure(curve_figure(curve), picture)
         written.append(picture)
         sections.append(f"## Learning curve\n\n![Learning curve]({picture.name})")
     plan = yaml.safe_dump(to_plain(agent.training.plan), sort_keys=False)
@@ -148,25 +153,23 @@ def _cell(found: Mapping[str, Any], name: str) -> str:
     return f"{value:.3f}" + (f" ({interval[0]:.3f} to {interval[1]:.3f})" if interval else "")
 
 
-def _draw(curve: Mapping[str, Any], path: Path) -> None:
-    """Draw the learning curve of the evaluations."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+def curve_figure(curve: Mapping[str, Any]) -> Figure:
+    """Return the learning curve of the evaluations."""
     from matplotlib.figure import Figure
 
     names = {"success_rate": "success", "spl": "SPL", "return": "return"}
     shares = [name for name in ("success_rate", "spl") if name in curve]
     figure = Figure(figsize=(7, 3.2), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(1, 2 if shares else 1, squeeze=False)[0]
     for panel, shown in zip(
         axes, ([*shares], ["return"]) if shares else (["return"],), strict=True
     ):
-        for name in shown:
-            panel.plot(curve["samples"], curve[name], marker=".", label=names[name])
+        for name, colour in zip(shown, SERIES, strict=False):
+            style = {"marker": ".", "color": colour, "label": names[name]}
+            panel.plot(curve["samples"], curve[name], **style)
         panel.set(xlabel="samples")
         panel.legend(frameon=False)
         panel.grid(alpha=0.3)
     if shares:
         axes[0].set_ylim(0, 1)
-    with atomic_write(path) as stream:
-        figure.savefig(stream, format="png", dpi=100, metadata={"Software": "albot-env"})
+    return figure

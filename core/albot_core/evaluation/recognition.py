@@ -20,17 +20,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.files import atomic_write
+from albot_core.drawing.palette import BELIEVED, RULE
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
 from albot_core.matching.line_matching import MatchConfig
 from albot_core.matching.submaps import local_submaps, match_submaps
 from albot_core.sensing.reading import Reading
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MIN_PATH_APART = 10.0
 """Least path length between two submaps that are matched (m)."""
@@ -148,20 +151,15 @@ def _motions(readings: Sequence[Reading], believed: Poses | None) -> Poses:
     return steps
 
 
-def draw_precision_recall(
-    path: Path, title: str, curve: Float64[np.ndarray, "thresholds 2"]
-) -> None:
-    """Draw a precision-recall curve to a PNG file, atomically."""
+def precision_recall_figure(title: str, curve: Float64[np.ndarray, "thresholds 2"]) -> Figure:
+    """Return the figure of a precision-recall curve."""
     # Imported here because it is slow to load and most runs draw nothing.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.0, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.add_subplot(
         xlim=(0.0, 1.0), ylim=(0.0, 1.03), xlabel="recall", ylabel="precision", title=title
     )
-    axes.grid(color="#e4e7eb", linewidth=0.6)
-    axes.plot(curve[:, 0], curve[:, 1], color="#5f3dc4", linewidth=1.6, marker=".")
-    with atomic_write(path) as stream:
-        figure.savefig(stream, format="png")
+    axes.grid(color=RULE, linewidth=0.6)
+    axes.plot(curve[:, 0], curve[:, 1], color=BELIEVED, linewidth=1.6, marker=".")
+    return figure

@@ -1,7 +1,9 @@
 """Trajectories and their errors.
 
-`trajectory_error` is the absolute trajectory error (ATE) against a reference. `relation_error` is
-the error of Kümmerle et al. (2009) against known relations between poses.
+`trajectory_error` is the absolute trajectory error (ATE) against a reference; `relative_errors` are
+the relative pose errors (RPE) per metre. Both are those of evo (Grupp 2017): APE of the
+translation after alignment, and RPE with a delta of 1 m. `relation_error` is the error of Kümmerle
+et al. (2009) against known relations between poses.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.evaluation.moments import STAMP_TOLERANCE, look_up, pair_moments
@@ -36,19 +38,54 @@ class Trajectory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrajectoryError:
-    """Distances between the positions of two trajectories after alignment."""
+class ErrorStatistics:
+    """Statistics of errors, in their unit."""
 
     count: int
-    """Number of moments compared."""
+    """Number of errors."""
     rmse: float
-    """Root of the mean squared distance (m): the absolute trajectory error (ATE)."""
+    """Root of their mean square: of the distances after alignment, this is the ATE."""
     mean: float
-    """Mean distance (m)."""
     median: float
-    """Median distance (m)."""
+    std: float
+    """Standard deviation about the mean."""
+    smallest: float
     largest: float
-    """Largest distance (m)."""
+
+    @classmethod
+    def of(cls, errors: Float64[np.ndarray, "errors"]) -> ErrorStatistics:
+        """Return the statistics of at least one error."""
+        return cls(
+            count=len(errors),
+            rmse=float(np.sqrt(np.mean(errors**2))),
+            mean=float(errors.mean()),
+            median=float(np.median(errors)),
+            std=float(errors.std()),
+            smallest=float(errors.min()),
+            largest=float(errors.max()),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PositionErrors:
+    """Distances between the positions of two trajectories after alignment, in the written order."""
+
+    moments: Int64[np.ndarray, "moments"]
+    """Indices of the estimate's poses that were compared."""
+    distances: Float64[np.ndarray, "moments"]
+    """The distances (m)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RelativeErrors:
+    """Errors of the motions between poses that lie a way apart."""
+
+    paths: Float64[np.ndarray, "pairs"]
+    """Length of the reference's path up to the end of each motion (m)."""
+    translations: Float64[np.ndarray, "pairs"]
+    """Distances between the relative positions (m)."""
+    rotations: Float64[np.ndarray, "pairs"]
+    """Angles between the relative headings (rad), at least 0."""
 
 
 def path_length(poses: Poses) -> float:
@@ -111,8 +148,23 @@ def trajectory_error(
     tolerance: float = STAMP_TOLERANCE,
     *,
     align: Align = alignment,
-) -> TrajectoryError | None:
-    """Return the error of the positions of `estimate` after rigid alignment with `reference`.
+) -> ErrorStatistics | None:
+    """Return the error of the positions of `estimate` after rigid alignment with `reference` (m).
+
+    None and arguments as for `position_errors`.
+    """
+    errors = position_errors(estimate, reference, tolerance, align=align)
+    return None if errors is None else ErrorStatistics.of(errors.distances)
+
+
+def position_errors(
+    estimate: Trajectory,
+    reference: Trajectory,
+    tolerance: float = STAMP_TOLERANCE,
+    *,
+    align: Align = alignment,
+) -> PositionErrors | None:
+    """Return the distances of `estimate` from `reference` after rigid alignment (m).
 
     None if fewer than two moments are common to both. Source: Sturm et al., *A benchmark for the
     evaluation of RGB-D SLAM systems*, IROS 2012.
@@ -130,13 +182,39 @@ def trajectory_error(
         return None
     aligned = transform_points(frame, estimate.poses[mine, :2])
     offsets = aligned - reference.poses[theirs, :2]
-    distances = np.hypot(offsets[:, 0], offsets[:, 1])
-    return TrajectoryError(
-        count=len(mine),
-        rmse=float(np.sqrt(np.mean(distances**2))),
-        mean=float(distances.mean()),
-        median=float(np.median(distances)),
-        largest=float(distances.max()),
+    return PositionErrors(moments=mine, distances=np.hypot(offsets[:, 0], offsets[:, 1]))
+
+
+def relative_errors(
+    estimate: Trajectory,
+    reference: Trajectory,
+    delta: float = 1.0,
+    tolerance: float = STAMP_TOLERANCE,
+) -> RelativeErrors | None:
+    """Return the errors of the estimated motion over each `delta` (m) of the reference's path.
+
+    The moments are the first and those at which the reference has moved on by `delta` since the
+    last one; each motion leads from one to the next. It is evo's RPE with `--delta 1 --delta_unit m
+    --pairs_from_reference`, after Sturm et al. 2012. None if there is no such motion.
+    """
+    pairs = pair_moments(estimate.stamps, reference.stamps, tolerance)
+    truth, mine = reference.poses[pairs.second], estimate.poses[pairs.first]
+    steps = np.hypot(*np.diff(truth[:, :2], axis=0).T)
+    ends, moved = [0], 0.0
+    for index, step in enumerate(steps, start=1):
+        moved += step
+        if moved >= delta:
+            ends.append(index)
+            moved = 0.0
+    if len(ends) < 2:
+        return None
+    first, second = np.array(ends[:-1]), np.array(ends[1:])
+    wanted = relative(truth[first], truth[second])
+    errors = relative(wanted, relative(mine[first], mine[second]))
+    return RelativeErrors(
+        paths=np.cumsum(steps)[second - 1],
+        translations=np.hypot(errors[:, 0], errors[:, 1]),
+        rotations=np.abs(errors[:, 2]),
     )
 
 

@@ -5,15 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import singledispatch
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.drawing.labels import Label, place_labels
+from albot_core.drawing.palette import (
+    BELIEVED,
+    CORRECTED,
+    EXIT,
+    FREE,
+    HOME,
+    LIGHT,
+    PARTICLE,
+    PLACE,
+    RULE,
+    TEXT,
+    TRUTH,
+    WALL,
+)
 from albot_core.errors import InputError
-from albot_core.files import atomic_write
-from albot_core.geometry.types import Points
+from albot_core.geometry.types import Points, Poses
 from albot_core.maps.activity import Activity, packet_segments
 from albot_core.maps.layers import (
     Layer,
@@ -40,83 +53,74 @@ _NETWORK = 0.6
 
 _SHAPES = (0.4, 1.4)
 """Least and largest height of the map's frame, relative to its width."""
-
-_SURFACE, _PATH, _REFERENCE, _HOME = "#1f2933", "#d9480f", "#2b8a3e", "#1864ab"
-_PLACE, _EXIT, _PARTICLE, _TRAJECTORY = "#5f3dc4", "#e64980", "#f59f00", "#0b7285"
-
-
-def write_picture(
-    path: Path,
-    *,
-    title: str,
-    snapshot: MapSnapshot,
-    believed: Float64[np.ndarray, "moments 3"],
-    reference: Float64[np.ndarray, "others 3"] | None = None,
-    network: tuple[Activity, Points] | None = None,
-) -> None:
-    """Draw a map to a PNG file, atomically; everything in the map's frame (m).
-
-    Args:
-        path: The file.
-        title: The title above the map.
-        snapshot: The map.
-        believed: The estimated trajectory.
-        reference: The reference trajectory, aligned with `believed`; None for none.
-        network: The activity of the mapper's attractor network, and the path of its packet in
-            the network's plane (m), drawn to the left of the map; None for none.
-    """
-    panel = Panel(title, snapshot, believed, reference)
-    figure, (axes,) = _make_figure([panel], columns=1, network=network)
-    axes.set(xlabel="x (m)", ylabel="y (m)")
-    _save(figure, path)
+_PARTICLE_LENGTH = 0.4
+"""Length of the line by which a particle shows its heading (m)."""
+_HOME_SIZE, _PLACE_SIZE, _DENSE_SIZE = 12.0, 6.0, 3.0
+"""Diameters of marks (points): a place is seen within the ring of home."""
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One of several maps in a picture: see `write_picture`."""
+    """A map to draw; everything in the map's frame (m)."""
 
     title: str
-    snapshot: MapSnapshot
-    believed: Float64[np.ndarray, "moments 3"]
-    reference: Float64[np.ndarray, "others 3"] | None = None
+    snapshot: MapSnapshot | None
+    """The map; None if there is none."""
+    believed: Poses
+    """The estimated trajectory."""
+    reference: Poses | None = None
+    """The reference trajectory, aligned with `believed`; None for none."""
+    note: str = ""
+    """Why the panel is empty, which is written into it."""
 
 
-def write_pictures(path: Path, panels: Sequence[Panel]) -> None:
-    """Draw maps side by side to one PNG file, atomically; each in its own frame (m).
+def map_figure(panel: Panel, network: tuple[Activity, Points] | None = None) -> Figure:
+    """Return the figure of a map.
+
+    Args:
+        panel: The map.
+        network: The activity of the mapper's attractor network, and the path of its packet in
+            the network's plane (m), drawn to the left of the map; None for none.
+    """
+    return _figure([panel], 1, network)
+
+
+def maps_figure(panels: Sequence[Panel]) -> Figure:
+    """Return a figure of maps in one frame, side by side with the same limits (m).
 
     Raises:
         InputError: `panels` is empty.
     """
     if not panels:
-        raise InputError(path, "at least one map to draw", "none")
-    figure, _ = _make_figure(panels, columns=min(len(panels), _COLUMNS))
-    _save(figure, path)
+        raise InputError("maps_figure", "at least one map to draw", "none")
+    return _figure(panels, min(len(panels), _COLUMNS))
 
 
-def _make_figure(
+def _figure(
     panels: Sequence[Panel], columns: int, network: tuple[Activity, Points] | None = None
-) -> tuple[Figure, list[Axes]]:
-    """Return a figure of maps in equal frames, with a network on their left, and the maps' axes."""
+) -> Figure:
     # Imported here because it is slow to load and most runs draw nothing.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    bounds = [_bounds(_drawn_points(panel)) for panel in panels]
-    heights = [(high[1] - low[1]) / (high[0] - low[0]) for low, high in bounds]
-    shape = np.clip(max(heights), *_SHAPES)
+    low, high = _bounds(np.concatenate([_drawn_points(panel) for panel in panels]))
+    shape = np.clip((high[1] - low[1]) / (high[0] - low[0]), *_SHAPES)
     rows, width = -(-len(panels) // columns), _WIDTH * min(columns, _WIDEST) / columns
     beside = () if network is None else (_NETWORK,)
     widths = (*beside, *(1.0,) * columns)
-    size = (width * sum(widths), rows * 0.9 * width * shape + (1.8 if beside else 1.0))
+    size = (width * sum(widths), rows * (0.9 * width * shape + 0.4) + (1.4 if beside else 0.6))
     figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
     places = figure.add_gridspec(rows, len(widths), width_ratios=widths)
     if network is not None:
         _draw_network(*network, figure.add_subplot(places[:, 0]))
     drawn = []
-    for number, (panel, (low, high)) in enumerate(zip(panels, bounds, strict=True)):
-        axes = figure.add_subplot(places[number // columns, len(beside) + number % columns])
+    for number, panel in enumerate(panels):
+        row, column = divmod(number, columns)
+        axes = figure.add_subplot(places[row, len(beside) + column])
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        # Below the last panel of a column stand the numbers of all above it.
+        is_last = number + columns >= len(panels)
+        axes.tick_params(labelbottom=is_last, labelleft=column == 0)
+        axes.set(xlabel="x (m)" if is_last else "", ylabel="" if column else "y (m)")
         _draw_panel(panel, axes)
         drawn.append(axes)
     handles: dict[str, Any] = {}
@@ -126,34 +130,74 @@ def _make_figure(
     figure.legend(
         handles.values(), handles.keys(), loc="outside lower center", ncols=6, frameon=False
     )
-    return figure, drawn
+    for panel, axes in zip(panels, drawn, strict=True):
+        _label_places(panel, axes)
+    return figure
 
 
 def _draw_panel(panel: Panel, axes: Axes) -> None:
-    axes.set_title(panel.title)
+    axes.set_title(panel.title, fontsize=11)
     axes.set_aspect("equal")
-    axes.grid(color="#e4e7eb", linewidth=0.6)
+    axes.grid(color=RULE, linewidth=0.6)
     axes.set_axisbelow(True)
+    if panel.note:
+        middle: dict[str, Any] = {
+            "transform": axes.transAxes,
+            "ha": "center",
+            "va": "center",
+            "wrap": True,
+        }
+        axes.text(0.5, 0.5, panel.note, color=TEXT, fontsize=10, **middle)
     if panel.reference is not None:
         x, y = panel.reference[:, 0], panel.reference[:, 1]
-        axes.plot(x, y, color=_REFERENCE, linewidth=1.2, alpha=0.8, label="reference, aligned")
-    x, y = panel.believed[:, 0], panel.believed[:, 1]
-    axes.plot(x, y, color=_PATH, linewidth=1.2, alpha=0.8, label="believed path")
+        axes.plot(x, y, color=TRUTH, linewidth=3.2, label="reference, aligned")
+    if len(panel.believed):
+        x, y = panel.believed[:, 0], panel.believed[:, 1]
+        # Thinner than the reference, which shows on both sides where the two agree.
+        axes.plot(x, y, color=BELIEVED, linewidth=1.6, label="believed path", zorder=2.1)
+    if panel.snapshot is None:
+        return
     for layer in panel.snapshot.layers:
         draw_layer(layer, axes)
-    # On top of the place that is there, below its label.
-    axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=5.5)
+    axes.plot(
+        0,
+        0,
+        "o",
+        color=HOME,
+        markersize=_HOME_SIZE,
+        fillstyle="none",
+        markeredgewidth=2.0,
+        linestyle="none",
+        label="home",
+        zorder=6,
+    )
 
 
-def _save(figure: Figure, path: Path) -> None:
-    with atomic_write(path) as stream:
-        # The layout makes no room for titles above maps of different shapes.
-        figure.savefig(stream, format="png", bbox_inches="tight")
+def _label_places(panel: Panel, axes: Axes) -> None:
+    """Write the places' names beside their discs, off the surfaces and paths if there is room."""
+    graph = None if panel.snapshot is None else panel.snapshot.place_graph
+    if graph is None or graph.is_dense:
+        return
+    at_home = [np.hypot(*node.middle) < 1e-6 for node in graph.nodes]
+    labels = [
+        Label(
+            text=node.label,
+            at=(float(node.middle[0]), float(node.middle[1])),
+            colour=PLACE,
+            radius=(_HOME_SIZE if home else _PLACE_SIZE) / 2,
+        )
+        for node, home in zip(graph.nodes, at_home, strict=True)
+    ]
+    path = panel.believed[:, :2]
+    assert panel.snapshot is not None
+    walls = np.concatenate((panel.snapshot.segments, np.hstack((path[:-1], path[1:]))))
+    place_labels(axes, labels, segments=walls, points=np.zeros((1, 2)))
 
 
 def _drawn_points(panel: Panel) -> Float64[np.ndarray, "points 2"]:
     """Return points that span everything in a panel (m)."""
-    drawn = [np.zeros((1, 2)), panel.believed[:, :2], *map(layer_points, panel.snapshot.layers)]
+    layers = () if panel.snapshot is None else panel.snapshot.layers
+    drawn = [np.zeros((1, 2)), panel.believed[:, :2], *map(layer_points, layers)]
     if panel.reference is not None:
         drawn.append(panel.reference[:, :2])
     return np.concatenate(drawn)
@@ -165,7 +209,7 @@ def _draw_network(activity: Activity, packets: Points, axes: Axes) -> None:
 
     width, height = activity.size
     path = packet_segments(packets, activity.size).reshape(-1, 2, 2)
-    axes.add_collection(LineCollection(list(path), colors=_PATH, linewidths=0.6))
+    axes.add_collection(LineCollection(list(path), colors=BELIEVED, linewidths=0.6))
     axes.imshow(
         np.ma.masked_equal(activity.values, 0),
         cmap="Oranges",
@@ -175,7 +219,7 @@ def _draw_network(activity: Activity, packets: Points, axes: Axes) -> None:
         interpolation="nearest",
     )
     axes.set(xlim=(0, width), ylim=(0, height), xlabel="x' (m)", ylabel="y' (m)", aspect="equal")
-    axes.set_title("path of the packet, and activity at the end")
+    axes.set_title("path of the packet, and activity at the end", fontsize=11)
 
 
 def _bounds(
@@ -209,7 +253,7 @@ def _draw_segments(layer: SegmentsLayer, axes: Axes) -> None:
     from matplotlib.collections import LineCollection
 
     lines = list(layer.segments.reshape(-1, 2, 2))
-    drawn = LineCollection(lines, colors=_SURFACE, linewidths=1.1, label="surfaces")
+    drawn = LineCollection(lines, colors=WALL, linewidths=1.1, label="surfaces")
     axes.add_collection(drawn, autolim=False)
 
 
@@ -219,15 +263,18 @@ def _points_of_grid(layer: OccupancyGridLayer) -> Float64[np.ndarray, "points 2"
 
 
 @draw_layer.register(OccupancyGridLayer)
-def _draw_grid(layer: OccupancyGridLayer, axes: Axes) -> None:
-    """Draw occupied cells black, free cells white and unknown cells transparent."""
+def draw_grid(layer: OccupancyGridLayer, axes: Axes) -> None:
+    """Draw occupied cells dark and free cells pale; unknown cells are the paper."""
+    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.transforms import Affine2D
 
+    if not layer.occupancy.size:
+        return
     rows, columns = layer.occupancy.shape
     x, y, turn = layer.origin.tolist()
     axes.imshow(
         np.ma.masked_invalid(layer.occupancy),
-        cmap="Greys",
+        cmap=LinearSegmentedColormap.from_list("occupancy", (FREE, WALL)),
         vmin=0,
         vmax=1,
         origin="lower",
@@ -236,6 +283,8 @@ def _draw_grid(layer: OccupancyGridLayer, axes: Axes) -> None:
         interpolation="nearest",
         zorder=0.6,
     )
+    for name, colour in (("occupied", WALL), ("free", FREE)):
+        axes.plot([], [], "s", color=colour, markersize=8, linestyle="none", label=name)
 
 
 @layer_points.register
@@ -253,8 +302,8 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
     links = [(middles[one], middles[other]) for one, other in layer.links]
     doorways = list(layer.doorways().reshape(-1, 2, 2))
     for lines, style in (
-        (links, {"colors": _PLACE, "linewidths": 1.4, "alpha": 0.6, "label": "links"}),
-        (doorways, {"colors": _EXIT, "linewidths": 3.0, "label": "exits"}),
+        (links, {"colors": LIGHT["link"], "linewidths": 1.4, "label": "links"}),
+        (doorways, {"colors": EXIT, "linewidths": 3.0, "label": "exits"}),
     ):
         if lines:
             axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
@@ -263,17 +312,13 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
         x,
         y,
         "o",
-        color=_PLACE,
-        markersize=4 if layer.is_dense else 15,
-        alpha=0.85,
+        color=PLACE,
+        markersize=_DENSE_SIZE if layer.is_dense else _PLACE_SIZE,
         linestyle="none",
         label="places",
-        zorder=5,
+        # A path corrected is not to vanish under as many places.
+        zorder=2.2 if layer.is_dense else 5,
     )
-    if layer.is_dense:
-        return
-    for node, across, up in zip(layer.nodes, x, y, strict=True):
-        axes.text(across, up, node.label, color="white", size=7, ha="center", va="center", zorder=6)
 
 
 @layer_points.register
@@ -283,19 +328,21 @@ def _points_of_particles(layer: ParticlesLayer) -> Float64[np.ndarray, "points 2
 
 @draw_layer.register(ParticlesLayer)
 def _draw_particles(layer: ParticlesLayer, axes: Axes) -> None:
+    from matplotlib.collections import LineCollection
+
     x, y, heading = layer.poses.T
-    axes.quiver(
-        x,
-        y,
-        np.cos(heading),
-        np.sin(heading),
-        color=_PARTICLE,
-        angles="xy",
-        width=0.002,
-        scale=60,
-        label="particles",
-        zorder=3,
+    ahead = _PARTICLE_LENGTH * np.stack((np.cos(heading), np.sin(heading)), axis=-1)
+    lines = np.stack((layer.poses[:, :2], layer.poses[:, :2] + ahead), axis=1)
+    axes.add_collection(
+        LineCollection(list(lines), colors=PARTICLE, linewidths=0.8, zorder=3), autolim=False
     )
+    style: dict[str, Any] = {
+        "color": PARTICLE,
+        "markersize": 4,
+        "linestyle": "none",
+        "label": "particles",
+    }
+    axes.plot(x, y, ".", zorder=3, **style)
 
 
 @layer_points.register
@@ -306,4 +353,4 @@ def _points_of_trajectory(layer: TrajectoryLayer) -> Float64[np.ndarray, "points
 @draw_layer.register(TrajectoryLayer)
 def _draw_trajectory(layer: TrajectoryLayer, axes: Axes) -> None:
     x, y, _ = layer.poses.T
-    axes.plot(x, y, color=_TRAJECTORY, linewidth=1.2, label="corrected path", zorder=2.5)
+    axes.plot(x, y, color=CORRECTED, linewidth=0.9, label="corrected path", zorder=2.5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +20,7 @@ from albot_core.evaluation.trajectory import (
     path_length,
     read_relations,
     relation_error,
+    relative_errors,
     trajectory_error,
 )
 from albot_core.geometry.poses import compose, relative, transform_points
@@ -51,6 +54,58 @@ def test_a_square_with_one_side_out():
         pytest.approx(1),
         pytest.approx(1),
     )
+
+
+def test_the_errors_of_a_straight_way_that_is_a_tenth_too_long():
+    # Every motion of 1 m is told as 1.1 m, whatever the error so far; and it turns by 2° each.
+    along = np.arange(0.0, 10.01, 0.5)
+    truth = np.column_stack((along, np.zeros((len(along), 2))))
+    mine = np.column_stack((1.1 * along, np.zeros(len(along)), np.deg2rad(2) * along))
+    found = relative_errors(trajectory(mine), trajectory(truth))
+    assert found is not None
+    assert found.paths == pytest.approx(np.arange(1.0, 10.5))
+    assert found.rotations == pytest.approx(np.full(10, np.deg2rad(2)))
+    # The motion is told in the frame of a robot that has turned: a chord of the circle.
+    turned = np.deg2rad(2) * np.arange(10.0)
+    assert found.translations == pytest.approx(
+        np.hypot(1.1 * np.cos(turned) - 1, 1.1 * np.sin(turned))
+    )
+
+
+def test_too_short_a_way_has_no_errors_by_the_metre():
+    truth = np.column_stack((np.linspace(0, 0.9, 5), np.zeros((5, 2))))
+    assert relative_errors(trajectory(truth), trajectory(truth)) is None
+    assert relative_errors(trajectory(truth), trajectory(truth), delta=0.4) is not None
+
+
+@given(st.integers(0, 10_000), POSE)
+def test_errors_by_the_metre_depend_on_no_frame_and_are_those_of_evo(seed, frame):
+    generator = np.random.default_rng(seed)
+    truth = np.cumsum(generator.normal(0, 0.5, (30, 3)), axis=0)
+    mine = truth + generator.normal(0, 0.1, (30, 3))
+    found = relative_errors(trajectory(mine), trajectory(truth))
+    moved = relative_errors(trajectory(compose(frame, mine)), trajectory(truth))
+    assert found is not None
+    assert moved is not None
+    assert moved.translations == pytest.approx(found.translations)
+    assert moved.rotations == pytest.approx(found.rotations, abs=1e-7)
+    # As evo 1.38 pairs poses and takes errors, with matrices.
+    ends, way = [0], 0.0
+    for k in range(1, len(truth)):
+        way += np.linalg.norm(truth[k, :2] - truth[k - 1, :2])
+        if way >= 1.0:
+            ends.append(k)
+            way = 0.0
+    expected = []
+    for i, j in itertools.pairwise(ends):
+        motion = [np.linalg.inv(matrix(some[i])) @ matrix(some[j]) for some in (truth, mine)]
+        expected.append(np.linalg.norm((np.linalg.inv(motion[0]) @ motion[1])[:2, 2]))
+    assert found.translations == pytest.approx(np.array(expected))
+
+
+def matrix(pose: np.ndarray) -> np.ndarray:
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    return np.array(((cosine, -sine, pose[0]), (sine, cosine, pose[1]), (0.0, 0.0, 1.0)))
 
 
 def test_one_point_out_of_line():
@@ -158,7 +213,9 @@ def test_trajectories_without_common_moments_have_no_error():
     assert trajectory_error(trajectory(poses), trajectory(poses[:0])) is None
 
 
-SORTED = st.lists(st.floats(0, 10), max_size=12).map(lambda stamps: np.array(sorted(stamps)))
+STAMPS = st.lists(st.integers(0, 10 * 64), max_size=12)
+SORTED = STAMPS.map(lambda stamps: np.array(sorted(stamps)) / 64)
+"""In steps of 1/64 s, so that differences are exact."""
 
 
 @settings(deadline=None)

@@ -10,9 +10,11 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import HOME, PLACE, rgb
 from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import write_graphml
-from albot_core.export.picture import draw_layer, write_picture
+from albot_core.export.picture import Panel, draw_layer, map_figure
 from albot_core.mappers.albot1.places.network_view import Exit, Network, Place
 from albot_core.maps.layers import MapSnapshot, PlaceGraph, PlaceNode, SegmentsLayer
 
@@ -91,13 +93,13 @@ def test_places_are_drawn_over_the_map(network, tmp_path):
         path = tmp_path / "map.png"
         believed = np.array([[0.0, 0, 0], [20, 5, 0]])
         snapshot = MapSnapshot(layers=(surfaces, given))
-        write_picture(path, title="", snapshot=snapshot, believed=believed)
+        save_figure(map_figure(Panel(title="", snapshot=snapshot, believed=believed)), path)
         with Image.open(path) as picture:
             images.append(np.asarray(picture.convert("RGB")).astype(int))
-    purple = [np.abs(image - (0x72, 0x58, 0xCC)).max(axis=-1) < 25 for image in images]
+    purple = [np.abs(image - rgb(PLACE)).max(axis=-1) < 25 for image in images]
     assert purple[0].sum() == 0
-    # Three nodes of 15 points across, at 100 dots an inch.
-    assert purple[1].sum() > 3 * 200
+    # Three nodes of 6 points across, at 110 dots an inch.
+    assert purple[1].sum() > 3 * 50
 
 
 def test_the_legend_names_all_that_is_drawn_of_a_network(network):
@@ -110,10 +112,12 @@ def test_the_picture_shows_home_on_top_of_the_place_that_is_there(tmp_path):
     node = PlaceNode(id=0, label="", pose=np.zeros(3), middle=np.zeros(2))
     snapshot = MapSnapshot(layers=(PlaceGraph(nodes=(node,), current=0, home=0),))
     believed = np.array([[0.0, 0, 0], [3, 0, 0]])
-    write_picture(tmp_path / "a.png", title="", snapshot=snapshot, believed=believed)
+    save_figure(
+        map_figure(Panel(title="", snapshot=snapshot, believed=believed)), tmp_path / "a.png"
+    )
     with Image.open(tmp_path / "a.png") as picture:
         pixels = np.asarray(picture.convert("RGB"))
-    home = (pixels == (0x18, 0x64, 0xAB)).all(axis=2)
+    home = (pixels == rgb(HOME)).all(axis=2)
     on_map, in_legend = home[:-60].sum(), home[-60:].sum()
     assert in_legend > 0
     assert on_map == pytest.approx(in_legend, rel=0.1)  # But for how the edges are blended.

@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
 
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import BELIEVED, TRUTH, WALL, rgb
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.geojson import write_geojson
-from albot_core.export.picture import write_picture
+from albot_core.export.picture import Panel, map_figure
 from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import wrap_angle
 from albot_core.logs.reader import read_reference
@@ -136,21 +138,21 @@ def test_a_picture_shows_surfaces_and_paths(wide, tmp_path):
     walls = np.ascontiguousarray(surfaces).reshape(-1, 4)
     believed = np.zeros((50, 3))
     believed[:, 0 if wide else 1] = np.linspace(0, 20, 50)
-    write_picture(
+    save_figure(
+        map_figure(
+            Panel(
+                title="a corridor",
+                snapshot=MapSnapshot(layers=(SegmentsLayer(segments=walls),)),
+                believed=believed,
+                reference=believed + 1.0,
+            )
+        ),
         path,
-        title="a corridor",
-        snapshot=MapSnapshot(layers=(SegmentsLayer(segments=walls),)),
-        believed=believed,
-        reference=believed + 1.0,
     )
     with Image.open(path) as picture:
         image = np.asarray(picture.convert("RGB")).astype(int)
-    red, green, blue = image[..., 0], image[..., 1], image[..., 2]
-    dark = (image.max(axis=-1) < 110) & (blue > red)
-    orange = (red > 180) & (green < 140) & (blue < 120)
-    leaf = (green > red + 40) & (green > blue + 40)
-    for colour in (dark, orange, leaf):
-        rows, columns = np.nonzero(colour)
+    for colour in (WALL, BELIEVED, TRUTH):
+        rows, columns = np.nonzero(np.abs(image - rgb(colour)).max(axis=-1) < 70)
         assert len(rows) > 300
         assert (np.ptp(columns) > np.ptp(rows)) == wide
     assert (image.shape[1] > image.shape[0]) == wide
@@ -163,12 +165,12 @@ def test_a_picture_shows_the_path_in_a_network_beside_the_map(tmp_path):
     still = np.array(((6.0, 3.0), (6.0, 3.0)))
     images = []
     for path in (still, np.array(((6.0, 3.0), (14.0, 3.0)))):
-        write_picture(
+        save_figure(
+            map_figure(
+                Panel(title="", snapshot=EMPTY_MAP, believed=np.zeros((1, 3))),
+                network=(activity, path),
+            ),
             tmp_path / "map.png",
-            title="",
-            snapshot=EMPTY_MAP,
-            believed=np.zeros((1, 3)),
-            network=(activity, path),
         )
         with Image.open(tmp_path / "map.png") as image:
             images.append(np.asarray(image.convert("RGB")).astype(int))
@@ -187,11 +189,9 @@ def test_a_picture_shows_the_path_in_a_network_beside_the_map(tmp_path):
 def test_a_picture_of_nothing(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        write_picture(
+        save_figure(
+            map_figure(Panel(title="nothing", snapshot=EMPTY_MAP, believed=np.zeros((1, 3)))),
             tmp_path / "map.png",
-            title="nothing",
-            snapshot=EMPTY_MAP,
-            believed=np.zeros((1, 3)),
         )
     with Image.open(tmp_path / "map.png") as image:
         assert image.size[0] > 500

@@ -8,9 +8,10 @@ from multiprocessing.reduction import ForkingPickler
 import numpy as np
 import pytest
 
+from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 from albot_core.export.geojson import map_to_geojson
-from albot_core.export.picture import write_picture
+from albot_core.export.picture import Panel, map_figure
 from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.map_file import load_map, save_map
 from albot_core.mappers.mapper import (
@@ -161,7 +162,9 @@ def test_a_snapshot_stays_as_it_is(name):
 def test_a_map_can_be_drawn_and_exported(name, tmp_path):
     mapper = led(name)
     path = tmp_path / "map.png"
-    write_picture(path, title="", snapshot=mapper.snapshot(), believed=np.zeros((2, 3)))
+    save_figure(
+        map_figure(Panel(title="", snapshot=mapper.snapshot(), believed=np.zeros((2, 3)))), path
+    )
     assert path.stat().st_size > 5000
     assert map_to_geojson(mapper.snapshot())["features"]
 

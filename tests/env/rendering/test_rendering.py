@@ -11,11 +11,12 @@ import pytest
 from gymnasium.wrappers import HumanRendering
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from PIL import Image
 from rich.console import Console
 
+from albot_core.drawing.figure import save_figure
+from albot_core.drawing.palette import LIGHT, rgb
 from albot_core.errors import InputError
 from albot_core.maps.layers import (
     EMPTY_MAP,
@@ -39,8 +40,8 @@ from albot_env.rendering.canvas import (
 )
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.layers import layer_shapes, layer_summary
-from albot_env.rendering.picture import save_picture
-from albot_env.rendering.scene import Scene, lay_out, scale_bar
+from albot_env.rendering.picture import episode_figure
+from albot_env.rendering.scene import Scene, lay_out
 from albot_env.rendering.terminal import BrailleCanvas, TerminalView, draw_text
 from albot_env.rendering.viewer import Footer, NullViewer, Viewer
 from albot_env.rendering.window import Window
@@ -119,11 +120,6 @@ def test_the_error_does_not_depend_on_where_the_map_lies(numbers: list[float]) -
     assert there.position_error == pytest.approx(here.position_error, abs=1e-9)
 
 
-@pytest.mark.parametrize(("width", "bar"), [(10.0, 2.0), (31.6, 5.0), (9.9, 1.0), (400.0, 50.0)])
-def test_the_scale_bar_is_round(width: float, bar: float) -> None:
-    assert scale_bar(width) == pytest.approx(bar)
-
-
 def test_the_canvas_shows_each_thing_in_its_colour(frame: Frame) -> None:
     image = paint_array(lay_out(frame), (1000, 520))
     assert image.shape == (520, 1000, 3)
@@ -133,8 +129,8 @@ def test_the_canvas_shows_each_thing_in_its_colour(frame: Frame) -> None:
         assert (left == colours[style]).all(axis=1).any(), style
     for style in ("surface", "home", "robot"):
         assert (right == colours[style]).all(axis=1).any(), style
-    assert not (right == colours["wall"]).all(axis=1).any()
-    assert not (left == colours["surface"]).all(axis=1).any()
+    assert (left == colours["path"]).all(axis=1).any()
+    assert not (right == colours["path"]).all(axis=1).any()
     assert tuple(image[0, 0]) == BACKGROUND
     assert (left == np.array(PANEL)).all(axis=1).mean() > 0.5
 
@@ -250,7 +246,7 @@ def test_a_robot_that_is_led_has_stops_and_no_path(frame: Frame, tmp_path: Path)
     assert led.rewards == "stop 4: as stop 2 · reward -1.00 · missed -1.00"
     assert replace(led, answer=0).rewards.startswith("stop 4: new · ")
     assert not frame.is_led
-    save_picture(led, tmp_path / "a.png")
+    save_figure(episode_figure(led), tmp_path / "a.png")
     assert "● stops" in draw_text(led, 80, 23).plain
 
 
@@ -269,36 +265,34 @@ def test_painting_needs_no_display(frame: Frame, monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_picture_is_whole_and_the_same_again(frame: Frame, tmp_path: Path) -> None:
-    save_picture(frame, tmp_path / "a.png")
-    save_picture(frame, tmp_path / "b.png")
+    save_figure(episode_figure(frame), tmp_path / "a.png")
+    save_figure(episode_figure(frame), tmp_path / "b.png")
     assert (tmp_path / "b.png").read_bytes() == (tmp_path / "a.png").read_bytes()
     with Image.open(tmp_path / "b.png") as image:
         assert image.format == "PNG"
         assert image.width > 1200
         pixels = np.asarray(image.convert("RGB"))
     half = pixels.shape[1] // 2
-    orange = (np.abs(pixels.astype(int) - (0xC7, 0x77, 0x00)) < 40).all(axis=2)
-    assert orange[:, half:].sum() > 200
-    assert orange[:, :half].sum() == 0
+    orange = (np.abs(pixels.astype(int) - rgb(LIGHT["believed"])) < 20).all(axis=2)
+    blue = (np.abs(pixels.astype(int) - rgb(LIGHT["path"])) < 20).all(axis=2)
+    assert orange[:, half:].sum() > 50
+    assert blue[:, :half].sum() > 50
+    assert blue[:, half:].sum() == 0
     assert list(tmp_path.iterdir()) != []
 
 
-def test_the_picture_says_what_it_shows(
-    frame: Frame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    titles: list[str] = []
-    monkeypatch.setattr(Figure, "savefig", lambda its, *_, **__: titles.append(its.get_suptitle()))
-    save_picture(frame, tmp_path / "a.png")
+def test_the_picture_says_what_it_shows(frame: Frame) -> None:
     scene = lay_out(frame)
-    assert titles == ["\n".join((scene.heading, *scene.captions))]
+    title = "\n".join((scene.heading, *scene.captions))
+    assert episode_figure(frame).get_suptitle() == title
     assert scene.captions
 
 
 def test_a_picture_that_cannot_be_written_leaves_nothing(frame: Frame, tmp_path: Path) -> None:
-    (tmp_path / "taken").mkdir()
-    with pytest.raises(InputError, match="taken: expected a file to write"):
-        save_picture(frame, tmp_path / "taken")
-    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+    (tmp_path / "taken.png").mkdir()
+    with pytest.raises(InputError, match=r"taken\.png: expected a file to write"):
+        save_figure(episode_figure(frame), tmp_path / "taken.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken.png"]
 
 
 def test_an_empty_map_can_be_drawn(frame: Frame, tmp_path: Path) -> None:
@@ -310,7 +304,7 @@ def test_an_empty_map_can_be_drawn(frame: Frame, tmp_path: Path) -> None:
         believed_path=frame.believed_path[:1],
     )
     paint_array(lay_out(empty))
-    save_picture(empty, tmp_path / "a.png")
+    save_figure(episode_figure(empty), tmp_path / "a.png")
     assert "room" in draw_text(empty, 60, 20).plain
 
 
@@ -399,9 +393,7 @@ def test_a_display_that_does_not_open_is_said(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("radius", [0.5, 1.0, 1.5])
-def test_the_robot_is_drawn_with_its_radius(
-    frame: Frame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, radius: float
-) -> None:
+def test_the_robot_is_drawn_with_its_radius(frame: Frame, radius: float) -> None:
     seen = replace(frame, robot_radius=radius, hits=np.empty((0, 2)), pose=np.array((5.0, 5.0, 0)))
     pixels = paint_array(lay_out(seen))
     half = pixels[:, : pixels.shape[1] // 2]
@@ -410,12 +402,9 @@ def test_the_robot_is_drawn_with_its_radius(
     rows = rows[rows < walls[-1]]  # Below is the legend.
     share = (rows[-1] - rows[0]) / (walls[-1] - walls[0])
     assert share == pytest.approx(2 * radius / 10, abs=0.01)
-    figures: list[Figure] = []
-    monkeypatch.setattr(Figure, "savefig", lambda its, *_, **__: figures.append(its))
-    save_picture(seen, tmp_path / "a.png")
     edges = [
         patch
-        for axes in figures[0].axes
+        for axes in episode_figure(seen).axes
         for patch in axes.patches
         if isinstance(patch, Circle) and patch.center == (5.0, 5.0)
     ]

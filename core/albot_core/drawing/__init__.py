@@ -1,0 +1,1 @@
+"""What all pictures share: colours, the place of labels, and how a figure is saved."""
