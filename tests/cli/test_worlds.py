@@ -258,7 +258,7 @@ def test_make_on_a_full_disk_leaves_nothing_new(albot, full_disk, existed):
 def test_make_draws_a_contact_sheet(albot):
     status, out, err = albot("make", "maze", "--count", "5", "--png", "sheet.png")
     assert (status, err) == (0, "")
-    assert out.splitlines()[-1].startswith("random:maze:4  ")
+    assert out.splitlines()[-2].startswith("random:maze:4  ")
     with Image.open("sheet.png") as picture:
         pixels = np.asarray(picture.convert("RGB")).astype(int)
     # Five plans in three columns and two rows; the sixth place stays white.
