@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
+from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.drawing.figure import PRINT_DPI, SUFFIXES, check_figure_name, save_figure
 from albot_core.errors import InputError
@@ -137,7 +138,7 @@ def figure_options(shows: str) -> Callable[[_Command], _Command]:
 
         add = click.option(
             "--dpi",
-            type=click.IntRange(*_DPIS),
+            type=CountType(*_DPIS),
             help=f"Dots an inch of the --figure.  [default: {PRINT_DPI}]",
         )
         add_figure = click.option(

@@ -42,7 +42,7 @@ def test_an_experiment_tells_how_many_seeds_are_done(
     clock = SimpleNamespace(monotonic=itertools.count(0.0, 1.0).__next__)
     monkeypatch.setattr(progress, "time", clock)
     monkeypatch.setattr(progress, "EVERY", 0.0)
-    found = call("experiment", "run", "toy", "--seeds", "3..5", "--json").stderr.splitlines()
+    found = call("experiment", "run", "toy", "--seeds", "3..5").stderr.splitlines()
     assert [line.split(", ")[0] for line in found] == [f"toy: {k} of 3 seeds" for k in (1, 2, 3)]
 
 
