@@ -86,8 +86,10 @@ def lay_out(frame: Frame) -> Scene:
         Shape(kind="home", style="home", label="home", data=start),
         Shape(kind="robot", style="robot", label="robot", data=frame.pose, radius=radius),
     )
+    layers = [shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)]
     mapped = (
-        *(shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)),
+        # On top: graph SLAM has a place at every pose of the path, which they would hide.
+        *sorted(layers, key=lambda shape: shape.style == "corrected"),
         _way("believed", transform_points(start, frame.believed_path), frame),
         Shape(kind="home", style="home", label="home", data=compose(believed, frame.home)),
         Shape(kind="robot", style="robot", label="robot", data=believed, radius=radius),

@@ -128,6 +128,8 @@ def finish_maps(figure: Figure) -> None:
         some, names = axes.get_legend_handles_labels()
         handles |= dict(zip(names, some, strict=True))
     if handles:
-        figure.legend(
+        legend = figure.legend(
             handles.values(), handles.keys(), loc="outside lower center", ncols=6, frameon=False
         )
+        for line in legend.get_lines():  # The dots of a cloud are too small to be seen alone.
+            line.set_markersize(max(line.get_markersize(), 4.0))

@@ -234,7 +234,7 @@ def _picture(scene: Scene, outcomes: Mapping[str, list[Outcome]]) -> Figure:
 
     worlds = list(dict.fromkeys(trial.world or scene.world for trial in scene.trials.values()))
     width, height = np.ptp(load_world(worlds[0]).walls.reshape(-1, 2), axis=0)
-    size = 3.4 * len(outcomes), (3.4 * height / width + 0.4) * len(worlds)
+    size = 3.4 * len(outcomes), (3.4 * height / width + 0.7) * len(worlds) + 0.5
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(len(worlds), len(outcomes), squeeze=False)
     for row, world in zip(grid, worlds, strict=True):

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 SCREEN_DPI, PRINT_DPI = 110, 300
 """Dots an inch of a picture for the screen, and of a figure for a paper."""
+_BELOW = 8.0
+"""Distance of a scale bar from the axes above it (points)."""
 _METADATA: dict[str, dict[str, str | None]] = {
     ".png": {"Software": "albot-env"},
     ".pdf": {"Creator": "albot-env", "Producer": "albot-env", "CreationDate": None},
@@ -78,22 +80,28 @@ def round_length(width: float) -> float:
 
 def draw_scale_bar(axes: Axes, length: float, colour: str = TEXT) -> None:
     """Draw a scale bar of `length` (m) below the right end of the axes, with its length."""
-    from matplotlib.transforms import blended_transform_factory
+    from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 
     right = axes.get_xlim()[1]
-    across = blended_transform_factory(axes.transData, axes.transAxes)
-    bar: dict[str, Any] = {
-        "color": colour,
-        "lw": 3.0,
-        "solid_capstyle": "butt",
-        "clip_on": False,
-        "zorder": 9,
-    }
-    axes.plot([right - length, right], [-0.02, -0.02], transform=across, **bar)
-    axes.annotate(
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    # Points below the frame, however high the axes are.
+    down = ScaledTranslation(0.0, -_BELOW / 72, figure.dpi_scale_trans)
+    below = blended_transform_factory(axes.transData, axes.transAxes) + down
+    (bar,) = axes.plot(
+        [right - length, right],
+        [0.0, 0.0],
+        transform=below,
+        color=colour,
+        lw=3.0,
+        solid_capstyle="butt",
+        clip_on=False,
+        zorder=9,
+    )
+    text = axes.annotate(
         f"{length:g} m",
-        (right - length, -0.02),
-        xycoords=across,
+        (right - length, 0.0),
+        xycoords=below,
         xytext=(-4, 0),
         textcoords="offset points",
         ha="right",
@@ -102,3 +110,7 @@ def draw_scale_bar(axes: Axes, length: float, colour: str = TEXT) -> None:
         color=colour,
         annotation_clip=False,
     )
+    bar.set_in_layout(False)
+    text.set_in_layout(False)
+    if not axes.get_xlabel():
+        axes.set_xlabel(" ", fontsize=8)  # Keeps the room for both.

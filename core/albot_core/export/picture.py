@@ -53,6 +53,8 @@ _NETWORK = 0.6
 
 _SHAPES = (0.4, 1.4)
 """Least and largest height of the map's frame, relative to its width."""
+_MOST_NAMES = 60
+"""Largest number of places that are named, and drawn as larger discs."""
 _PARTICLE_LENGTH = 0.4
 """Length of the line by which a particle shows its heading (m)."""
 _HOME_SIZE, _PLACE_SIZE, _DENSE_SIZE = 12.0, 6.0, 3.0
@@ -176,7 +178,7 @@ def _draw_panel(panel: Panel, axes: Axes) -> None:
 def _label_places(panel: Panel, axes: Axes) -> None:
     """Write the places' names beside their discs, off the surfaces and paths if there is room."""
     graph = None if panel.snapshot is None else panel.snapshot.place_graph
-    if graph is None or graph.is_dense:
+    if graph is None or _is_crowded(graph):
         return
     at_home = [np.hypot(*node.middle) < 1e-6 for node in graph.nodes]
     labels = [
@@ -287,6 +289,11 @@ def draw_grid(layer: OccupancyGridLayer, axes: Axes) -> None:
         axes.plot([], [], "s", color=colour, markersize=8, linestyle="none", label=name)
 
 
+def _is_crowded(graph: PlaceGraph) -> bool:
+    """Return whether the places are too many to be named."""
+    return graph.is_dense or len(graph.nodes) > _MOST_NAMES
+
+
 @layer_points.register
 def _points_of_graph(layer: PlaceGraph) -> Float64[np.ndarray, "points 2"]:
     return np.reshape([node.middle for node in layer.nodes], (-1, 2)).astype(np.float64)
@@ -298,6 +305,8 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
 
     if not layer.nodes:
         return
+    # A corrected path is not to vanish under as many places and links.
+    order, size = (2.2, _DENSE_SIZE) if _is_crowded(layer) else (4, _PLACE_SIZE)
     middles = {node.id: node.middle for node in layer.nodes}
     links = [(middles[one], middles[other]) for one, other in layer.links]
     doorways = list(layer.doorways().reshape(-1, 2, 2))
@@ -306,18 +315,17 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
         (doorways, {"colors": EXIT, "linewidths": 3.0, "label": "exits"}),
     ):
         if lines:
-            axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
+            axes.add_collection(LineCollection(lines, zorder=order, **style), autolim=False)
     x, y = np.array(list(middles.values())).T
     axes.plot(
         x,
         y,
         "o",
         color=PLACE,
-        markersize=_DENSE_SIZE if layer.is_dense else _PLACE_SIZE,
+        markersize=size,
         linestyle="none",
         label="places",
-        # A path corrected is not to vanish under as many places.
-        zorder=2.2 if layer.is_dense else 5,
+        zorder=order + 0.1,
     )
 
 
