@@ -20,9 +20,11 @@ from jaxtyping import Int64
 
 from albot_agents.agent import EnvironmentConfigs
 from albot_agents.evaluation.plan import parse_seeds
+from albot_cli.count_type import CountType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_core.drawing.palette import BELIEVED, HOME, PARTICLE, TRUTH, WALL
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_clusters
 from albot_core.files import atomic_write, write_text
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 
     from albot_agents.training.imitation import Actions, Imitator, Observations, Teachers
 
+LINES = (("scripted", WALL, "--"), ("untrained", PARTICLE, ":"), ("still", HOME, "-."))
+"""Who stands beside the network, with the colour and the style of its line."""
 WORLDS = "random:office?rooms=4"
 """Kind of the worlds."""
 
@@ -348,9 +352,9 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
         for axes, name in zip(
             panels[:, column], ("return", "success", "right_claims"), strict=True
         ):
-            _draw_curve(axes, its, name, "C0", "network")
+            _draw_curve(axes, its, name, TRUTH, "network")
             if name == "right_claims":
-                _draw_curve(axes, its, "false_claims", "C3", "network, false claims")
+                _draw_curve(axes, its, "false_claims", BELIEVED, "network, false claims")
             axes.grid(alpha=0.3)
     for axes, label in zip(panels[:, 0], ("return", "success", "claims an episode"), strict=True):
         axes.set_ylabel(label)
@@ -379,9 +383,9 @@ def _draw_curve(
     axes.fill_between(samples, low, high, color=colour, alpha=0.2, linewidth=0)
     if name == "false_claims":
         return
-    for agent, style in (("scripted", "k--"), ("untrained", "C1:"), ("still", "C2-.")):
+    for agent, colour, style in LINES:
         level = next(row[name][0] for row in rows if row["agent"] == agent)
-        axes.plot(samples[:: len(samples) - 1], [level, level], style, label=agent)
+        axes.plot(samples[:: len(samples) - 1], [level] * 2, style, color=colour, label=agent)
 
 
 @click.command()
@@ -389,9 +393,9 @@ def _draw_curve(
 @click.option("--worlds", default=Plan.worlds, show_default=True, help="Kind of the worlds.")
 @click.option("--train", default="2000..2031", show_default=True, help="Worlds to learn in.")
 @click.option("--test", default="3000..3015", show_default=True, help="Worlds to be measured in.")
-@click.option("--rounds", default=Plan.rounds[-1], show_default=True, type=click.IntRange(1))
-@click.option("--steps", default=Plan.steps, show_default=True, type=click.IntRange(1))
-@click.option("--networks", default=Plan.seeds, show_default=True, type=click.IntRange(1))
+@click.option("--rounds", default=Plan.rounds[-1], show_default=True, type=CountType(1))
+@click.option("--steps", default=Plan.steps, show_default=True, type=CountType(1))
+@click.option("--networks", default=Plan.seeds, show_default=True, type=CountType(1))
 @click.option("--out", type=PathType(), help="File for the tables, as Markdown.")
 @click.option("--png", type=PathType(), help="File for the picture.")
 @JSON

@@ -27,6 +27,8 @@ from albot_maps.generators.spec import KINDS
 TASKS = [name for task in task_names() for name in (short_name(task), task)]
 WORLDS = [*catalogue_names(), *(f"random:{kind}" for kind in KINDS)]
 SENSORS = {"--laser": LASERS, "--sonar": SONARS, "--scenes": SCENES}
+WITH_NONE: tuple[str, ...] = ()
+"""Stands for all mappers, and none."""
 SLOW = ("numba", "pymunk", "matplotlib", "pygame", "torch", "scipy", "shapely")
 
 
@@ -80,7 +82,7 @@ def test_the_names_are_those_of_the_registries(
         *((f"play {option}", {*names, "none"}) for option, names in SENSORS.items()),
         *((f"compare LOG {option}", {*names, "none"}) for option, names in SENSORS.items()),
         *(
-            (f"{command} --mapper", [*MAPPERS, "none"])
+            (f"{command} --mapper", WITH_NONE)
             for command in ("play", "evaluate homing", "stress", "experiment run")
         ),
         *(
@@ -95,6 +97,8 @@ def test_the_names_are_those_of_the_registries(
     ],
 )
 def test_names_are_completed(line: str, names: Iterable[str]) -> None:
+    if names is WITH_NONE:  # Other tests register mappers after this table was made.
+        names = [*MAPPERS, "none"]
     assert _completed(line) == sorted(names)
     begun = min(names)[:3]
     assert _completed(line, begun) == sorted(name for name in names if name.startswith(begun))

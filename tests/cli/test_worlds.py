@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw
 
 from albot_cli import worlds
 from albot_cli.main import main
+from albot_core.drawing.palette import HOME, rgb
 from albot_maps import catalogue_names, load_world
 from albot_maps.generators.spec import KINDS, parameters_of
 from tests.maps.formats import test_plan_xml
