@@ -90,7 +90,7 @@ class TourGuide(Guide):
 
 
 def _patience(leg: Points) -> int:
-    """Return the number of control steps after which a leg (2,) (m) cannot be driven."""
+    """Return the number of control steps within which a leg (2,) (m) must be driven."""
     return round((30.0 + 10.0 * float(np.hypot(*leg)) / LED.speed) / CONTROL_STEP)
 
 

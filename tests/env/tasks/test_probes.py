@@ -38,6 +38,7 @@ def test_a_scene_fits_its_worlds(name: str) -> None:
     """The same home, the same bounds, tours that exist, and right answers that can be given."""
     scene = SCENES[name]
     given = load_world(scene.world)
+    assert gymnasium.spec(name).kwargs["world"] == scene.world
     assert [trial.tour for trial in scene.trials.values()] == (
         list(given.tours) if name == TRIANGLE else ["out"] * len(scene.trials)
     )
@@ -77,6 +78,15 @@ def test_the_other_way_round_the_barrier_is_much_longer() -> None:
         field = DistanceField(world.walls, world.robot_radius, np.array(point))
         lengths[choice] = field.distance(begin) + field.distance(home)
     assert lengths["long way"] > 1.4 * lengths["short way"]
+
+
+def test_a_tour_that_a_robot_cannot_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here it has no time for it."""
+    monkeypatch.setattr("albot_env.tasks.probe.task._patience", lambda leg: 3)
+    env = gymnasium.make(DETOUR, mapper="none")
+    with pytest.raises(InputError, match=r"probe-detour: expected a tour that the robot can foll"):
+        env.reset(seed=1)
+    env.close()
 
 
 @pytest.mark.parametrize("name", PROBES)
