@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.geometry.pose_kernels import bearings_of
+from albot_core.geometry.pose_kernels import bearings_of, length_of
 from albot_core.geometry.types import Points, Pose
+from albot_core.kernels.compiled import kernel
 from albot_core.planning.explorer import Explorer
 from albot_core.planning.occupancy_grid import OccupancyGrid, ShortestPaths
 from albot_core.planning.percept import Percept
@@ -121,9 +122,7 @@ class GapExplorer(Explorer):
         free = percept.ranges[beams, None] - config.goal_radius > distances
         fan = (laser.directions[beams, None] * distances[:, None])[free]
         fan = fan[self._is_new(percept.to_map(fan))]
-        apart = fan[:, None] - percept.points
-        clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.goal_radius).all(axis=1)
-        return percept.to_map(fan[clear])
+        return percept.to_map(fan[_are_clear(fan, percept.points, config.goal_radius)])
 
     def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:
         """Return whether the ground at points (m, map frame) is new enough to be a goal."""
@@ -202,29 +201,47 @@ def find_gaps(
         narrowest: Gaps must be wider than this (m).
         reach: Largest distance of a gap's centre from the robot (m).
     """
-    ranges = np.hypot(points[:, 0], points[:, 1])
+    return [
+        Gap(centre=np.array(centre), outward=np.array(outward), width=width)
+        for centre, outward, width in _find_gaps(points, narrowest, reach)
+    ]
+
+
+@kernel(arrays=True)
+def _find_gaps(
+    points: np.ndarray, narrowest: float, reach: float
+) -> list[tuple[tuple[float, float], tuple[float, float], float]]:
+    """Return centre, outward direction and width of each gap (see `find_gaps`)."""
+    count = points.shape[0]
     gaps = []
-    for k in np.flatnonzero(np.abs(np.diff(ranges)) > narrowest).tolist():
-        if _is_one_surface(points, k):
+    for k in range(count - 1):
+        near, far = _length(points[k]), _length(points[k + 1])
+        if not abs(far - near) > narrowest or _is_one_surface(points, k):
             continue
-        if ranges[k] < ranges[k + 1]:
-            edge, farther = points[k], points[k + 1 :]
-        else:
-            edge, farther = points[k + 1], points[: k + 1]
-        across = np.hypot(farther[:, 0] - edge[0], farther[:, 1] - edge[1])
-        nearest = int(across.argmin())
-        other, width = farther[nearest], float(across[nearest])
-        centre = (edge + other) / 2
-        if width > narrowest and np.hypot(centre[0], centre[1]) <= reach:
-            along = (other - edge) / max(width, 1e-9)
-            outward = np.array((-along[1], along[0]))
-            if (outward * centre).sum() < 0:
-                outward = -outward
-            gaps.append(Gap(centre=centre, outward=outward, width=width))
+        edge, first, end = (k, k + 1, count) if near < far else (k + 1, 0, k + 1)
+        ex, ey = points[edge, 0], points[edge, 1]
+        width, nearest = np.inf, first
+        for i in range(first, end):
+            across = length_of(points[i, 0] - ex, points[i, 1] - ey)
+            if across < width:
+                width, nearest = across, i
+        ox, oy = points[nearest, 0], points[nearest, 1]
+        x, y = (ex + ox) / 2, (ey + oy) / 2
+        if width > narrowest and length_of(x, y) <= reach:
+            u, v = -(oy - ey) / max(width, 1e-9), (ox - ex) / max(width, 1e-9)
+            if u * x + v * y < 0:
+                u, v = -u, -v
+            gaps.append(((x, y), (u, v), width))
     return gaps
 
 
-def _is_one_surface(points: Float64[np.ndarray, "beams 2"], k: int) -> bool:
+@kernel()
+def _length(point: np.ndarray) -> float:
+    return length_of(point[0], point[1])
+
+
+@kernel()
+def _is_one_surface(points: np.ndarray, k: int) -> bool:
     """Return whether beams k and k + 1 hit the same wall, whose range jumps at a grazing angle.
 
     They do if the line through the points on one side continues to the point on the other side.
@@ -232,18 +249,18 @@ def _is_one_surface(points: Float64[np.ndarray, "beams 2"], k: int) -> bool:
     runs_on = False
     if k >= 2:
         runs_on |= _off_line(points[k - 2], points[k], points[k + 1]) < _SAME_SURFACE
-    if k + 3 < len(points):
+    if k + 3 < points.shape[0]:
         runs_on |= _off_line(points[k + 3], points[k + 1], points[k]) < _SAME_SURFACE
     return runs_on
 
 
-def _off_line(
-    start: Float64[np.ndarray, "2"], end: Float64[np.ndarray, "2"], point: Float64[np.ndarray, "2"]
-) -> float:
+@kernel()
+def _off_line(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> float:
     """Return the distance (m) of a point from the line through two others."""
-    (dx, dy), (px, py) = end - start, point - end
-    length = float(np.hypot(dx, dy))
-    return abs(float(dx * py - dy * px)) / max(length, 1e-9)
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    px, py = point[0] - end[0], point[1] - end[1]
+    distance: float = abs(dx * py - dy * px) / max(length_of(dx, dy), 1e-9)
+    return distance
 
 
 class CandidateGoals:
@@ -263,11 +280,9 @@ class CandidateGoals:
 
     def add(self, goals: Float64[np.ndarray, "n 2"], ground: Float64[np.ndarray, "n 2"]) -> None:
         """Add goals whose ground is far enough from ground kept or given up (m, map frame)."""
-        for goal, spot in zip(goals, ground, strict=True):
-            known = np.concatenate((self.ground, self._given_up)) - spot
-            if not (np.hypot(known[:, 0], known[:, 1]) < self._spacing).any():
-                self.goals = np.vstack((self.goals, goal))
-                self.ground = np.vstack((self.ground, spot))
+        new = _find_apart(ground, self.ground, self._given_up, self._spacing)
+        self.goals = np.concatenate((self.goals, goals[new]))
+        self.ground = np.concatenate((self.ground, ground[new]))
 
     def drop_covered(self, grid: OccupancyGrid, pose: Pose, least: float = 0.0) -> None:
         """Drop candidates whose ground is covered, or whose goal the robot has reached.
@@ -294,3 +309,30 @@ class CandidateGoals:
 
     def _keep(self, kept: np.ndarray) -> None:
         self.goals, self.ground = self.goals[kept], self.ground[kept]
+
+
+@kernel(arrays=True)
+def _are_clear(places: np.ndarray, obstacles: np.ndarray, radius: float) -> np.ndarray:
+    """Return whether no obstacle lies within a radius (m) of each place (n, 2)."""
+    clear = np.ones(places.shape[0], np.bool_)
+    for i in range(places.shape[0]):
+        for k in range(obstacles.shape[0]):
+            x, y = obstacles[k, 0] - places[i, 0], obstacles[k, 1] - places[i, 1]
+            if length_of(x, y) <= radius:
+                clear[i] = False
+                break
+    return clear
+
+
+@kernel(arrays=True)
+def _find_apart(
+    ground: np.ndarray, kept: np.ndarray, given_up: np.ndarray, spacing: float
+) -> np.ndarray:
+    """Return which places (n, 2) are `spacing` (m) away from all others and all chosen before."""
+    chosen: np.ndarray = _are_clear(ground, kept, spacing) & _are_clear(ground, given_up, spacing)
+    for i in range(ground.shape[0]):
+        for k in range(i):
+            if chosen[i] and chosen[k]:
+                x, y = ground[i, 0] - ground[k, 0], ground[i, 1] - ground[k, 1]
+                chosen[i] = length_of(x, y) > spacing
+    return chosen

@@ -57,9 +57,7 @@ def search_grid(
         ended, (-1, -1) if it searched all cells.
     """
     rows, columns = grid.shape
-    radius, wide = radii
-    border = int(wide)
-    cost = _enter_costs(grid, radii, unknown_is_free)
+    costs = _enter_costs(grid, start, radii, unknown_is_free)
     lengths = np.full((rows, columns), -1, np.int32)
     done = np.zeros((rows, columns), np.bool_)
     waiting = np.empty(8 * rows * columns + 1, np.int32)
@@ -82,19 +80,18 @@ def search_grid(
             continue  # A shorter path was found since.
         done[row, column] = True
         is_end = row == goal[0] and column == goal[1]
-        if is_end or (grid[row, column] == TARGET and cost[row, column] > 0):
+        if is_end or (grid[row, column] == TARGET and costs[row + 1, column + 1] > 0):
             return lengths, (row, column)
-        for i in range(9):
-            r, c = row + (i // 3) - 1, column + (i % 3) - 1
-            inside = border <= r < rows - border and border <= c < columns - border
-            if not inside:
-                continue
-            near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
-            step = STEP if r == row or c == column else DIAGONAL
-            reached = lengths[row, column] + step * max(1, cost[r, c])
-            if 0 <= lengths[r, c] <= reached:
-                continue
-            if cost[r, c] > 0 or (near and grid[r, c] != BLOCKED):
+        so_far = lengths[row, column]
+        for r in range(row - 1, row + 2):
+            for c in range(column - 1, column + 2):
+                cost = costs[r + 1, c + 1]
+                if cost == 0:
+                    continue
+                step = STEP if r == row or c == column else DIAGONAL
+                reached = so_far + step * abs(cost)
+                if 0 <= lengths[r, c] <= reached:
+                    continue
                 lengths[r, c], parents[r, c] = reached, here
                 waits = (reached + _heuristic(r, c, goal)) % _BUCKETS
                 waiting[count] = r * columns + c
@@ -104,32 +101,58 @@ def search_grid(
 
 
 @kernel(arrays=True)
-def _enter_costs(grid: np.ndarray, radii: tuple[float, float], unknown_is_free: bool) -> np.ndarray:
-    """Return the cost factor of a step to each cell: 0 if not passable, 1 far from blocked cells.
+def _enter_costs(
+    grid: np.ndarray, start: tuple[int, int], radii: tuple[float, float], unknown_is_free: bool
+) -> np.ndarray:
+    """Return the cost factor of a step to each cell, with a ring of 0 around the grid.
 
-    It is 2 on passable cells within the second radius of a blocked cell. The loop runs over the
+    It is 0 if the cell is not passable, 2 within the second radius of a blocked cell, 1 elsewhere,
+    and -1 if the cell is passable only because it is near the start. A border as wide as the second
+    radius is not passable, because obstacles beyond the grid are not known. The loop runs over the
     blocked cells because there are few.
     """
     rows, columns = grid.shape
-    cost = np.empty((rows, columns), np.int8)
+    radius, wide = radii
+    border = around = int(wide)
+    costs = np.zeros((rows + 2, columns + 2), np.int8)
+    blocked = np.empty(rows * columns, np.int32)
+    count = 0
     for row in range(rows):
         for column in range(columns):
             state = grid[row, column]
-            cost[row, column] = state != BLOCKED and (unknown_is_free or state != UNKNOWN)
-    radius, wide = radii
-    around = int(wide)
-    for row in range(rows):
-        for column in range(columns):
-            if grid[row, column] != BLOCKED:
-                continue
-            for r in range(max(0, row - around), min(rows, row + around + 1)):
-                for c in range(max(0, column - around), min(columns, column + around + 1)):
-                    apart = (r - row) ** 2 + (c - column) ** 2
-                    if apart <= radius * radius:
-                        cost[r, c] = 0
-                    elif apart <= wide * wide and cost[r, c] == 1:
-                        cost[r, c] = 2
-    return cost
+            costs[row + 1, column + 1] = state != BLOCKED and (unknown_is_free or state != UNKNOWN)
+            if state == BLOCKED:
+                blocked[count] = row * columns + column
+                count += 1
+    for k in range(count):
+        row, column = blocked[k] // columns, blocked[k] % columns
+        for r in range(max(0, row - around), min(rows, row + around + 1)):
+            for c in range(max(0, column - around), min(columns, column + around + 1)):
+                apart = (r - row) ** 2 + (c - column) ** 2
+                if apart <= radius * radius:
+                    costs[r + 1, c + 1] = 0
+                elif apart <= wide * wide and costs[r + 1, c + 1] == 1:
+                    costs[r + 1, c + 1] = 2
+    costs[: border + 1] = 0
+    costs[rows + 1 - border :] = 0
+    costs[:, : border + 1] = 0
+    costs[:, columns + 1 - border :] = 0
+    _open_near_start(costs, grid, start, radii)
+    return costs
+
+
+@kernel()
+def _open_near_start(
+    costs: np.ndarray, grid: np.ndarray, start: tuple[int, int], radii: tuple[float, float]
+) -> None:
+    """Write -1 to the costs of cells near the start that are not blocked, but not passable."""
+    rows, columns = grid.shape
+    border, reach = int(radii[1]), int(radii[0]) + 1
+    for r in range(max(border, start[0] - reach), min(rows - border, start[0] + reach + 1)):
+        for c in range(max(border, start[1] - reach), min(columns - border, start[1] + reach + 1)):
+            near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radii[0] + 1) ** 2
+            if near and costs[r + 1, c + 1] == 0 and grid[r, c] != BLOCKED:
+                costs[r + 1, c + 1] = -1
 
 
 @kernel()
