@@ -142,17 +142,19 @@ class ActionConfig:
 
     def _numbers(self, action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
         """Return an action as an array of the given shape."""
-        expected = self._expected if len(shape) == 1 else f"{self._expected} for each of {shape[0]}"
         try:
             numbers = np.asarray(action)
             if np.iscomplexobj(numbers):
                 raise TypeError
             numbers = numbers.astype(np.float64)
         except (TypeError, ValueError):
-            raise InputError(environment, expected, repr(action), place="action") from None
-        if numbers.shape != shape:
-            raise InputError(environment, expected, f"shape {numbers.shape}", place="action")
-        return numbers
+            found = repr(action)
+        else:
+            if numbers.shape == shape:
+                return numbers
+            found = f"shape {numbers.shape}"
+        expected = self._expected if len(shape) == 1 else f"{self._expected} for each of {shape[0]}"
+        raise InputError(environment, expected, found, place="action")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -289,17 +289,16 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
             "reward_terms": robot.terms_of(0),
             "world": robot.world(0).name,
             "room": robot.room(0),
-            **{name: _single(fact) for name, fact in robot.facts.items()},
+            **{
+                # One robot's row: a copy of an array, or a number of Python's own.
+                name: fact.item(0) if fact.ndim == 1 else fact[0].copy()
+                for name, fact in robot.facts.items()
+            },
         }
 
     def _show(self) -> None:
         if self.render_mode == "human":
             self._viewer.show(self.frame)
-
-
-def _single(fact: Any) -> Any:
-    """One robot's row of a fact: a copy of an array, or a number of Python's own."""
-    return fact[0].copy() if fact.ndim > 1 else fact.item(0)
 
 
 def _open_viewer(render_mode: str | None, environment: str) -> Viewer:
