@@ -39,7 +39,8 @@ class BeamConfig:
     likelihood_sigma: float = 0.075
     """Scale of a beam's squared distance in likelihoods (m²) (lsigma)."""
     null: float = -0.5
-    """Log-likelihood of a beam that ends far from every occupied cell."""
+    """Log-likelihood of a beam that ends far from every occupied cell, times `likelihood_sigma` (m²):
+    the program divides it by lsigma, as it divides squared distances."""
     gain: float = 3.0
     """Number of beams that carry as much information as one independent beam (ogain)."""
 
@@ -70,7 +71,8 @@ def beam_tables(config: BeamConfig, cell: float) -> BeamTables:
     squared = (across[:, None] - columns + 0.5) ** 2 + (up[:, None] - rows + 0.5) ** 2
     is_occupied = (masks >> np.arange(9)) & 1 == 1
     nearest = np.where(is_occupied, squared * cell**2, np.inf).min(axis=-1)
-    log_likelihoods = np.maximum(-nearest / config.likelihood_sigma, config.null) / config.gain
+    fits = np.where(np.isfinite(nearest), -nearest, config.null)
+    log_likelihoods = fits / (config.likelihood_sigma * config.gain)
     return BeamTables(np.exp(-nearest / config.sigma), log_likelihoods)
 
 

@@ -26,7 +26,7 @@ NAMES = ("grid-slam", "gmapping")
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("turn_error", "scale"), [(0.0, 0.0), (np.radians(25), 0.1)])
 def test_it_follows_the_robot_whatever_the_odometer_says(name, turn_error, scale):
-    mapper, poses = make_mapper(name, config={"particles": 10}), lap()
+    mapper, poses = make_mapper(name, config={"particles": 30}), lap()
     believed = drive(mapper, poses, np.random.default_rng(0), turn_error, scale)
     true = relative(poses[0], poses)
     assert np.hypot(*(believed - true)[:, :2].T).max() < 0.15
@@ -34,7 +34,7 @@ def test_it_follows_the_robot_whatever_the_odometer_says(name, turn_error, scale
     layer = mapper.snapshot().layer(OccupancyGridLayer)
     assert len(layer.centres(0.65)) > 300
     spread = mapper.snapshot().layer(ParticlesLayer)
-    assert spread.poses.shape == (10, 3)
+    assert spread.poses.shape == (30, 3)
     assert spread.weights.sum() == pytest.approx(1.0)
     assert mapper.way_home[TRAVEL] < 1.0
 
