@@ -39,8 +39,8 @@ class BeamConfig:
     likelihood_sigma: float = 0.075
     """Scale of a beam's squared distance in likelihoods (m²) (lsigma)."""
     null: float = -0.5
-    """Log-likelihood of a beam that ends far from every occupied cell, times `likelihood_sigma` (m²):
-    the program divides it by lsigma, as it divides squared distances."""
+    """Log-likelihood of a beam that ends far from every occupied cell, times `likelihood_sigma`
+    (m²): the program divides it by lsigma, as it divides squared distances."""
     gain: float = 3.0
     """Number of beams that carry as much information as one independent beam (ogain)."""
 

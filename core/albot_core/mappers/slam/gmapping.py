@@ -95,7 +95,10 @@ class GMapping(ParticleSlam):
 
     @property
     def _weight_gain(self) -> float:
-        """Factor of the log-weights, as in the program: weights are flatter with more particles."""
+        """Factor of the log-weights: weights are flatter with more particles.
+
+        As in the program (`obsSigmaGain`); algorithm 1 of the paper has no such factor.
+        """
         return 1.0 / self.config.particles
 
     def _move_and_weigh(
@@ -187,7 +190,8 @@ def draw_poses(
             poses[k, 1] = mean[1] + b * u + c * v
             poses[k, 2] = mean[2] + d * u + e * v + f * w
         else:
-            # From the motion alone (lines 7 to 9).
+            # From the motion alone (lines 7 to 9). As in the paper, such a weight and that of a
+            # matched particle have no common scale: line 19 sums over samples without their volume.
             cos, sin = math.cos(guess[2]), math.sin(guess[2])
             along, across = deviations[0] * noise[k, 0], deviations[1] * noise[k, 1]
             poses[k, 0] = guess[0] + cos * along - sin * across

@@ -90,7 +90,11 @@ class Particles(Stored):
 
     @property
     def best(self) -> int:
-        """Index of the particle with the largest weight; of several equal ones, the first."""
+        """Index of the particle with the largest weight; of several equal ones, the first.
+
+        After a resampling all weights are equal, so it is particle 0. GMapping's program chooses by
+        the sum of all log-weights along a particle's path instead.
+        """
         return int(np.argmax(self.log_weights))
 
     @property
