@@ -89,6 +89,13 @@ class PlacesConfig:
     the thesis."""
     tolerance: float = 0.40
     """A correction of the map smaller than this (m) is not applied."""
+    aligns_by_exit_seen: bool = False
+    """Whether the place behind a known exit is aligned by the exit just crossed as it is seen, in
+    position and direction (section 4.2.3; algorithm 7, line 13). If off, it is aligned by what both
+    places remember of the exit, is not turned, and is not moved by less than `tolerance`. On in
+    the thesis. The next exits are then nearer to where they are expected (`albot1-c3`), but a
+    doorway seen in passing turns the place by up to some 10°: on long journeys more rooms are not
+    recognised, and are learned again (docs/places.md)."""
     min_relocalise_matches: int = 7
     """Minimum number of matching surfaces at which a robot that was carried away recognises a
     place. The probability of that place must reach `min_probability` as well
@@ -116,6 +123,7 @@ class PlacesConfig:
             min_share=0.0,
             candidates_by_position=False,
             uses_expected_exits=False,
+            aligns_by_exit_seen=True,
             expects_drift=False,
         )
 
