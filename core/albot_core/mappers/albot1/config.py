@@ -61,6 +61,10 @@ class PlacesConfig:
     """…and if the probability that they are one is at least this (`places/evidence.py`). At 0, as
     in `albot1-thesis` and `albot1-tracked`, no probability is computed, and the shares below
     decide."""
+    takes_first_match: bool = False
+    """Whether two places are compared in the first alignment of more than `min_matches` surfaces on
+    both sides of the robot (algorithm 6, lines 11 to 13). If off, they are in the alignment in
+    which most surfaces match, whose sides are tested afterwards. On in the thesis."""
     min_share: float = 0.3
     """Minimum share of the smaller description that must match (thesis: any)."""
     reobserved_share: float = 0.1
@@ -119,6 +123,7 @@ class PlacesConfig:
         """Return the thesis's thresholds, which are less strict, although rooms look alike."""
         return cls(
             match=MatchConfig(max_gap=0.40, max_shift=np.inf, max_turn=np.pi),
+            takes_first_match=True,
             min_probability=0.0,
             min_share=0.0,
             candidates_by_position=False,
