@@ -21,8 +21,10 @@ from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.matching.line_pairs import (
     ROUNDING,
+    ROUNDS,
     MatchLimits,
     by_heading,
+    count_sides,
     first_from,
     pair_lines,
     refine_match,
@@ -35,6 +37,8 @@ MAX_LINES = 48
 of their number."""
 
 
+NEVER_ENOUGH = int(np.iinfo(np.int64).max)
+"""No number of matching lines ends a search: all poses are compared."""
 ALIKE = MatchLimits(0.0, 0.0, 0.0, max_shift=1.0, max_turn=float(np.radians(20.0)))
 """Two matches within these limits, seen from the robot, are one."""
 
@@ -129,8 +133,37 @@ def match_lines(
     here, there, limits = line_rows(mine, config), line_rows(theirs, config), config.limits
     poses = np.array(guess, float)[None]
     most = np.zeros(1, np.int64)
-    _search(here, there, guess, robot, limits, ALIKE, poses, most)
+    _search(here, there, guess, robot, limits, ALIKE, NEVER_ENOUGH, poses, most)
     return _refined(here, there, poses[0], int(most[0]), robot, limits)
+
+
+def match_first(
+    mine: Segments, theirs: Segments, guess: Pose, robot: Pose, config: MatchConfig, enough: int
+) -> LineMatch:
+    """Find the first pose at which enough lines match, to the letter of algorithm 6.
+
+    The poses are tried in the order of the lines: each of mine, with each of theirs, laid on it by
+    the first ends, the middles, the last ends. The lines that match are those at this pose. How the
+    place is then aligned is not said there: the pose returned is refined, as in `match_lines`.
+
+    Args:
+        mine: Lines of the present place (n, 4), in the map's frame (m).
+        theirs: Lines of the remembered place (m, 4), in its own frame (m).
+        guess: The expected pose of its frame, in the map's frame.
+        robot: The robot's pose, in the map's frame.
+        config: When lines and places match.
+        enough: More lines than this must match, on both sides of the robot.
+
+    Returns:
+        The first such match; if there is none, the match of most lines.
+    """
+    here, there, limits = line_rows(mine, config), line_rows(theirs, config), config.limits
+    poses = np.array(guess, float)[None]
+    most = np.zeros(1, np.int64)
+    _search(here, there, guess, robot, limits, ALIKE, enough, poses, most)
+    confirmed = _refined(here, there, poses[0].copy(), int(most[0]), robot, limits, rounds=0)
+    aligned = _refined(here, there, poses[0], int(most[0]), robot, limits)
+    return confirmed._replace(pose=aligned.pose)
 
 
 def match_everywhere(
@@ -150,7 +183,7 @@ def match_everywhere(
     here, there = line_rows(mine, config), line_rows(theirs, config)
     limits = config.limits._replace(max_shift=np.inf, max_turn=np.pi)
     poses, most = np.zeros((count, 3)), np.zeros(count, np.int64)
-    _search(here, there, np.zeros(3), robot, limits, ALIKE, poses, most)
+    _search(here, there, np.zeros(3), robot, limits, ALIKE, NEVER_ENOUGH, poses, most)
     return [
         _refined(here, there, poses[k], int(most[k]), robot, limits)
         for k in np.argsort(-most, kind="stable")
@@ -165,10 +198,11 @@ def _refined(
     most: int,
     robot: Pose,
     limits: MatchLimits,
+    rounds: int = ROUNDS,
 ) -> LineMatch:
     """Return the match of two places' rows, near a pose at which `most` lines match."""
     counts = np.zeros(3, np.int64)
-    share = refine_match(here, there, robot, limits, pose, counts) if most else 0.0
+    share = refine_match(here, there, robot, limits, pose, counts, rounds) if most else 0.0
     return LineMatch(pose, int(counts[0]), int(counts[1]), int(counts[2]), float(share))
 
 
@@ -189,17 +223,20 @@ def _search(
     robot: np.ndarray,
     limits: MatchLimits,
     alike: MatchLimits,
+    enough: int,
     best: np.ndarray,
     most: np.ndarray,
 ) -> None:
     """Set `best` (n, 3) to distinct poses at which most lines match, `most` to their number.
 
-    Lines are paired at a pose only if enough lines may match for the pose to be kept.
+    The search ends at the first pose at which more than `enough` lines match, on both sides of the
+    robot; this pose alone is set. Lines are paired at a pose only if enough lines may match for the
+    pose to be kept.
     """
     pose, pairs, last = np.empty(3), np.empty(theirs.shape[0], np.int64), np.argmin(most)
     turned, taken = by_heading(mine), np.empty(mine.shape[0], np.bool_)
     turns, middles = _by_turn(mine, theirs), np.empty((theirs.shape[0], 2))
-    counted, poses = np.zeros(theirs.shape[0], np.int64), 0
+    counted, poses, sides = np.zeros(theirs.shape[0], np.int64), 0, np.empty(3, np.int64)
     for j in range(mine.shape[0]):
         for k in range(theirs.shape[0]):
             turn = wrap(mine[j, 5] - theirs[k, 5])
@@ -213,9 +250,16 @@ def _search(
                     continue
                 poses += 1
                 near = AlikeHeadings(turns, first, count, counted, poses)
-                if _most_pairs(mine, theirs, near, middles, pose, limits.max_gap) <= most[last]:
+                least = min(most[last], enough)
+                if _most_pairs(mine, theirs, near, middles, pose, limits.max_gap) <= least:
                     continue
-                found = pair_lines(mine, turned, theirs, pose, limits, most[last], pairs, taken)
+                found = pair_lines(mine, turned, theirs, pose, limits, least, pairs, taken)
+                if found > enough:  # Alg. 6, lines 11 to 13
+                    sides[:] = 0
+                    count_sides(mine, theirs, pairs, robot, sides)
+                    if min(sides[1], sides[2]) > 0:
+                        most[:], most[0], best[0] = 0, found, pose
+                        return
                 if found > most[last] and _keep(pose, found, robot, alike, best, most):
                     last = np.argmin(most)
 

@@ -49,15 +49,16 @@ def refine_match(
     limits: MatchLimits,
     best: np.ndarray,
     counts: np.ndarray,
+    rounds: int,
 ) -> float:
-    """Refine a pose and count the lines that match at it; return their share."""
+    """Refine a pose, so many times, and count the lines that match at it; return their share."""
     pairs, taken = np.empty(theirs.shape[0], np.int64), np.empty(mine.shape[0], np.bool_)
     turned = by_heading(mine)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         pair_lines(mine, turned, theirs, best, limits, -1, pairs, taken)
         _refine(mine, theirs, pairs, best)
     counts[0] = pair_lines(mine, turned, theirs, best, limits, -1, pairs, taken)
-    return _count_sides(mine, theirs, pairs, robot, counts)
+    return count_sides(mine, theirs, pairs, robot, counts)
 
 
 @kernel(arrays=True)
@@ -156,7 +157,7 @@ def _refine(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.nd
 
 
 @kernel()
-def _count_sides(
+def count_sides(
     mine: np.ndarray,
     theirs: np.ndarray,
     pairs: np.ndarray,

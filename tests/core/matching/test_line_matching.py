@@ -19,8 +19,10 @@ from albot_core.matching.line_matching import (
     _find_turn,
     _most_pairs,
     _turn_middles,
+    lay_on,
     line_rows,
     match_everywhere,
+    match_first,
     match_lines,
 )
 from albot_core.matching.line_merging import merge_lines
@@ -187,6 +189,61 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     _turn_middles(rows_theirs, float(pose[2]), middles)
     alike = AlikeHeadings(turns, first, count, np.zeros(len(rows_theirs), np.int64), 1)
     assert found <= _most_pairs(rows_mine, rows_theirs, alike, middles, pose, config.max_gap)
+
+
+def slow_first(
+    mine: np.ndarray, theirs: np.ndarray, robot: np.ndarray, config: MatchConfig, enough: int
+) -> tuple[np.ndarray, int, int] | None:
+    """Algorithm 6 as it is written: the pose at which it stops, and the matches on either side."""
+    middles = transform_segments(inverse(robot), mine).reshape(-1, 2, 2).mean(1)
+    pose = np.empty(3)
+    for one in line_rows(mine, config):
+        for other in line_rows(theirs, config):
+            for anchor in range(3):
+                lay_on(one, other, anchor, pose)
+                matched = [k for k in slow_pairs(mine, theirs, pose, config) if k >= 0]
+                left = sum(middles[k, 1] > 0 for k in matched)
+                if len(matched) > enough and 0 < left < len(matched):
+                    return pose, left, len(matched) - left
+    return None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_first_match_is_that_at_which_algorithm_6_stops(seed):
+    rng = np.random.default_rng(300 + seed)
+    place, motion = walls(rng, 7), motion_of(rng)
+    mine = np.concatenate((walls(rng, 2), place + rng.normal(0, 0.05, place.shape)))
+    theirs = transform_segments(inverse(motion), np.concatenate((place, walls(rng, 2))))
+    config = replace(ANYWHERE, max_gap=0.4)
+    for robot in (NOWHERE, np.array([-9.0, 0.0, np.pi / 2]), np.array([1.0, 1.0, 2.0])):
+        for enough in (1, 3, 4, 8):
+            found = match_first(mine, theirs, NOWHERE, robot, config, enough)
+            expected = slow_first(mine, theirs, robot, config, enough)
+            if expected is None:
+                assert found.matches <= enough or min(found.left, found.right) == 0
+            else:
+                assert (found.left, found.right) == expected[1:]
+                rows = line_rows(mine, config), line_rows(theirs, config)
+                rest = expected[0].copy(), found.matches, robot, config.limits
+                refined = line_matching._refined(*rows, *rest)
+                np.testing.assert_allclose(found.pose, refined.pose, atol=1e-9)
+                gap = np.hypot(*(found.pose - expected[0])[:2])
+                assert 0.0 < gap < 3.0
+                assert found.matches == found.left + found.right
+
+
+def test_the_first_match_on_both_sides_is_taken_although_more_match_on_one():
+    place = walls(np.random.default_rng(5), 10)
+    aside = transform_segments(np.array([0.0, 30.0, 0.0]), place)
+    mine = np.concatenate((aside, place[:6]))
+    best = match_lines(mine, place, NOWHERE, NOWHERE, ANYWHERE)
+    assert (best.matches, best.right) == (10, 0)
+    first = match_first(mine, place, NOWHERE, NOWHERE, ANYWHERE, 4)
+    assert (first.matches, min(first.left, first.right) > 0) == (6, True)
+    np.testing.assert_allclose(first.pose, NOWHERE, atol=1e-9)
+    # If there is none it is the match of most lines.
+    none = match_first(mine, place, NOWHERE, NOWHERE, ANYWHERE, 6)
+    assert (none.matches, none.right) == (10, 0)
 
 
 def test_joined_keeps_one_of_each_and_the_newer_unless_it_shows_much_less():

@@ -61,6 +61,10 @@ class PlacesConfig:
     """…and if the probability that they are one is at least this (`places/evidence.py`). At 0, as
     in `albot1-thesis` and `albot1-tracked`, no probability is computed, and the shares below
     decide."""
+    takes_first_match: bool = False
+    """Whether two places are compared in the first alignment of more than `min_matches` surfaces on
+    both sides of the robot (algorithm 6, lines 11 to 13). If off, they are in the alignment in
+    which most surfaces match, whose sides are tested afterwards. On in the thesis."""
     min_share: float = 0.3
     """Minimum share of the smaller description that must match (thesis: any)."""
     reobserved_share: float = 0.1
@@ -89,6 +93,13 @@ class PlacesConfig:
     the thesis."""
     tolerance: float = 0.40
     """A correction of the map smaller than this (m) is not applied."""
+    aligns_by_exit_seen: bool = False
+    """Whether the place behind a known exit is aligned by the exit just crossed as it is seen, in
+    position and direction (section 4.2.3; algorithm 7, line 13). If off, it is aligned by what both
+    places remember of the exit, is not turned, and is not moved by less than `tolerance`. On in
+    the thesis. The next exits are then nearer to where they are expected (`albot1-c3`), but a
+    doorway seen in passing turns the place by up to some 10°: on long journeys more rooms are not
+    recognised, and are learned again (docs/places.md)."""
     min_relocalise_matches: int = 7
     """Minimum number of matching surfaces at which a robot that was carried away recognises a
     place. The probability of that place must reach `min_probability` as well
@@ -112,10 +123,12 @@ class PlacesConfig:
         """Return the thesis's thresholds, which are less strict, although rooms look alike."""
         return cls(
             match=MatchConfig(max_gap=0.40, max_shift=np.inf, max_turn=np.pi),
+            takes_first_match=True,
             min_probability=0.0,
             min_share=0.0,
             candidates_by_position=False,
             uses_expected_exits=False,
+            aligns_by_exit_seen=True,
             expects_drift=False,
         )
 

@@ -55,11 +55,18 @@ def _merge_places(
             if door.leads_to == gone.id:
                 door.leads_to, door.exit_there = kept.id, door.exit_there + first
     _replace_place(network, gone, kept, pose)
-    while kept.id in network.places and _unite_exits(network, step, kept):
-        pass
+    for _ in range(_most_passes(network)):
+        if kept.id not in network.places or not _unite_exits(network, step, kept):
+            break
     for place in network.places.values() if network.config.expects_drift else ():
-        while _drop_double(network, place):
-            pass
+        for _ in range(len(place.exits)):
+            if not _drop_double(network, place):
+                break
+
+
+def _most_passes(network: PlaceNetwork) -> int:
+    """Return the largest number of passes that can unite exits: each removes an exit or a place."""
+    return sum(1 + len(place.exits) for place in network.places.values())
 
 
 def _replace_place(

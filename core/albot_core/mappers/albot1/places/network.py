@@ -15,6 +15,7 @@ from jaxtyping import Bool, Int64
 
 from albot_core.geometry.poses import (
     compose,
+    inverse,
     relative,
     transform_points,
     transform_segments,
@@ -323,18 +324,33 @@ class PlaceNetwork:
         return numbers
 
     def _align(self, door: LearnedExit, line: Line) -> None:
-        """Align the place behind an exit of the present one at that exit (algorithm 7, line 13).
+        """Align the place behind an exit of the present one at that exit (algorithm 7, line 13)."""
+        if self.config.aligns_by_exit_seen:
+            self._align_by_exit_seen(door, line)
+        else:
+            self._align_by_exit_known(door, line)
 
-        The thesis takes the exit seen as the reference for position and direction. But a doorway
-        seen in passing gives its direction only to about 10°, and its position to the thickness of
-        the wall, because it is seen from either side; with something beside it, only to half its
-        width. So the two places are aligned by what both remember of their exit, and the exit seen
-        counts only if its direction is about the remembered one. A map that is about right is not
-        changed.
+    def _align_by_exit_seen(self, door: LearnedExit, line: Line) -> None:
+        """Lay the next place so that its exit is the exit just crossed, as it is seen."""
+        entered = self.places[door.leads_to]
+        seen, known = reversed_line(line), self._partner(door).line
+        frame = np.array([0.0, 0.0, direction(seen) - direction(known)])
+        frame[:2] = middle(seen) - transform_points(frame, middle(known))
+        self.map_to_graph = compose(frame, inverse(entered.frame))
+
+    def _align_by_exit_known(self, door: LearnedExit, line: Line) -> None:
+        """Lay the next place at the exit that both places remember, without a turn.
+
+        This is ours. The thesis takes the exit seen as the reference for position and direction.
+        But a doorway seen in passing gives its direction only to about 10°, and its position to the
+        thickness of the wall, because it is seen from either side; with something beside it, only
+        to half its width. So the two places are aligned by what both remember of their exit, and
+        the exit seen counts only if its direction is about the remembered one. A map that is about
+        right is not changed.
         """
         entered = self.places[door.leads_to]
         frame = compose(self.map_to_graph, entered.frame)
-        at = transform_points(frame, middle(entered.exits[door.exit_there].line))
+        at = transform_points(frame, middle(self._partner(door).line))
         mine = transform_segments(self.frame, door.line[None])[0]
         targets = [middle(mine)]
         if abs(wrap_angle(direction(line) - direction(mine))) < STRAIGHT:

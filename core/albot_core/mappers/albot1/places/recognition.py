@@ -16,7 +16,7 @@ from albot_core.mappers.albot1.places.evidence import Evidence, weigh
 from albot_core.mappers.albot1.places.merging import merge_here
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace, Lines
-from albot_core.matching.line_matching import LineMatch, match_lines
+from albot_core.matching.line_matching import LineMatch, MatchConfig, match_first, match_lines
 
 DOORSTEP = 5.0
 """A robot no farther than this from where it entered a place has just entered it (m)."""
@@ -61,7 +61,7 @@ def recognize_place(
         config = network.config.match
         if by_position or network.config.expects_drift:
             config = replace(config, max_shift=min(config.max_shift, drift))
-        match = match_lines(seen, other.surfaces, guess, pose, config)
+        match = _match(network, seen, other, guess, pose, config)
         if by_position and match.matches == 0:
             continue  # It stands within many places: a mismatch with one is not worth an event.
         evidence = None
@@ -78,6 +78,26 @@ def recognize_place(
             merge_here(network, step, other, frame, pose)
             return True
     return False
+
+
+def _match(
+    network: PlaceNetwork,
+    seen: Segments,
+    other: LearnedPlace,
+    guess: Pose,
+    pose: Pose,
+    config: MatchConfig,
+) -> LineMatch:
+    """Match what is seen with another place (algorithm 6).
+
+    The thesis stops at the first alignment of more than four surfaces on both sides of the robot
+    (lines 11 to 13). Rooms look alike, and such an alignment may be a chance one. So ours is the
+    alignment of most surfaces, and its sides are tested afterwards (`has_structure`).
+    """
+    if network.config.takes_first_match:  # Alg. 6, lines 11 to 13
+        enough = network.config.min_matches
+        return match_first(seen, other.surfaces, guess, pose, config, enough)
+    return match_lines(seen, other.surfaces, guess, pose, config)
 
 
 def _candidates(

@@ -145,6 +145,21 @@ def test_what_is_remembered_and_what_is_seen_of_an_exit_do_not_add_up(learned, s
     np.testing.assert_allclose(middle(there)[1], laid, atol=1e-9)
 
 
+@pytest.mark.parametrize(("shift", "turn"), [(0.05, 0.02), (0.3, 0.0), (0.0, 0.3), (-0.6, -0.5)])
+def test_in_the_thesis_the_exit_crossed_is_the_reference_for_position_and_direction(shift, turn):
+    walker = led([(1, 0), (1, 1), (1, 0), (0, 0)], PlacesConfig.thesis())
+    network, door = walker.network, door_between((0, 0), (1, 0))
+    at = middle(door)
+    seen = np.array([at[0], at[1] + shift, turn])
+    line = transform_segments(seen, door[None] - [*at, *at])[0]
+    network.remember_place(9, line, walker.seen(), np.array([4.3, shift, 0.0]))
+    assert network.log.events[-1].kind == EventKind.ENTERED
+    # All exits of the next place are where they are from the exit crossed.
+    expected = door_between((1, 0), (1, 1))
+    others = transform_segments(seen, np.array([reversed_line(door), expected]) - [*at, *at])
+    np.testing.assert_allclose(network.predicted_exits, others, atol=1e-9)
+
+
 def test_places_are_laid_together_at_the_exit_that_both_remember():
     """A map that has drifted between them holds two places apart in the graph frame."""
     walker = led([(1, 0), (0, 0)])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
+from albot_core.mappers.albot1.places import merging
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network_state import NETWORK, rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.network_view import Network
@@ -143,6 +144,24 @@ def test_readings_of_a_place_that_was_another_are_readings_of_that_one():
     assert [walker.network.place_at(reading) for reading in (5, 15, 25, 35, 45)] == [0, 1, 2, 3, 4]
     assert walker.recognize()
     assert [walker.network.place_at(reading) for reading in (5, 15, 25, 35, 45)] == [0, 1, 2, 3, 0]
+
+
+@pytest.mark.parametrize("one_pass", ["_unite_exits", "_drop_double"])
+def test_a_merge_ends_although_no_pass_removes_anything(monkeypatch, one_pass):
+    """No more passes than there are places and exits, whatever each of them says."""
+    walker = led(RING)
+    exits = sum(len(place.exits) for place in walker.network.places.values())
+    most, passes = len(walker.network.places) * (len(walker.network.places) + exits), []
+
+    def removes_nothing(*_):
+        passes.append(1)
+        assert len(passes) <= most
+        return True
+
+    monkeypatch.setattr(merging, one_pass, removes_nothing)
+    assert walker.recognize()
+    assert passes
+    assert walker.network.current == 0
 
 
 def test_one_door_learned_twice_becomes_one_exit():
