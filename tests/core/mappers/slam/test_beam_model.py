@@ -59,7 +59,8 @@ def test_each_beam_counts_by_the_nearest_occupied_cell(off):
     for px, py in points:
         nearest = obvious_distance(grid, POSE[:2], x + cos * px - sin * py, y + sin * px + cos * py)
         expected_score += math.exp(-(nearest**2) / config.sigma)
-        expected_log += max(-(nearest**2) / config.likelihood_sigma, config.null) / config.gain
+        fit = -(nearest**2) if math.isfinite(nearest) else config.null
+        expected_log += fit / config.likelihood_sigma / config.gain
     score = weigh_points(patch, low, CELL, points, x, y, heading, scores)
     log = weigh_points(patch, low, CELL, points, x, y, heading, log_likelihoods)
     assert score == pytest.approx(expected_score, rel=1e-9)
@@ -87,7 +88,8 @@ def test_a_scan_outside_all_that_is_known_is_unlikely_and_no_error():
     points, _ = matched_points(scan_from(POSE), 12.0, config.spacing)
     patch, low = cut_patch(grid.pool.arrays, grid.index, grid.corner, CELL, points, POSE)
     log = weigh_points(patch, low, CELL, points, *POSE.tolist(), log_likelihoods)
-    assert log == pytest.approx(len(points) * config.null / config.gain)
+    # In the authors' program, noHit is nullLikelihood / lsigma.
+    assert log == pytest.approx(len(points) * -0.5 / 0.075 / 3.0)
     none = np.empty((0, 2))
     patch, low = cut_patch(grid.pool.arrays, grid.index, grid.corner, CELL, none, POSE)
     assert weigh_points(patch, low, CELL, none, *POSE.tolist(), log_likelihoods) == 0.0

@@ -6,25 +6,11 @@ import numpy as np
 import pytest
 
 from albot_core.geometry.poses import relative
-from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables
+from albot_core.mappers.slam.beam_model import beam_tables
 from albot_core.mappers.slam.gmapping import GMappingConfig, Search, draw_poses
 from albot_core.mappers.slam.particles import Particles
 from albot_core.matching.scan_points import matched_points
 from tests.core.mappers.slam.rooms import scan_from
-
-
-def test_a_beam_that_misses_costs_what_it_costs_in_the_authors_program():
-    """In the program, noHit is nullLikelihood / lsigma, as a hit is -distance² / lsigma."""
-    config, cell = BeamConfig(), 0.05
-    scores, logs = beam_tables(config, cell)
-    assert logs[0] == pytest.approx(-0.5 / 0.075 / config.gain)
-    assert (scores[0] == 0).all()
-    hits = logs[1:]
-    farthest = (
-        (2 - 0.5 - 0.125) ** 2 * 2 * cell**2
-    )  # From a neighbour's corner to this cell's far one.
-    assert hits.min() == pytest.approx(-farthest / 0.075 / config.gain)
-    assert hits.max() == pytest.approx(-2 * (0.125 * cell) ** 2 / 0.075 / config.gain)
 
 
 @pytest.mark.parametrize("heading", [0.8, -2.2])
