@@ -215,7 +215,8 @@ def _find_gaps(
     count = points.shape[0]
     gaps = []
     for k in range(count - 1):
-        near, far = _length(points[k]), _length(points[k + 1])
+        near = length_of(points[k, 0], points[k, 1])
+        far = length_of(points[k + 1, 0], points[k + 1, 1])
         if not abs(far - near) > narrowest or _is_one_surface(points, k):
             continue
         edge, first, end = (k, k + 1, count) if near < far else (k + 1, 0, k + 1)
@@ -233,11 +234,6 @@ def _find_gaps(
                 u, v = -u, -v
             gaps.append(((x, y), (u, v), width))
     return gaps
-
-
-@kernel()
-def _length(point: np.ndarray) -> float:
-    return length_of(point[0], point[1])
 
 
 @kernel()
