@@ -34,8 +34,11 @@ _NEEDED: dict[str, Any] = {
 }  # fmt: skip
 _OPTIONAL: dict[str, Any] = {
     "verdicts": Mapping[str, bool], "compared": Mapping[str, Mapping[str, Any]],
+    "conditions": Mapping[str, tuple[str, str]],
 }  # fmt: skip
 """Keys of `result.json`, and the types of their values."""
+_LETTER = ("-paper", "-thesis")
+"""Endings of the names of mappers that follow their paper to the letter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +59,8 @@ class Report:
     """The same verdict for each mapper, or agent, that is judged."""
     compared: Mapping[str, Mapping[str, Scalar]] = field(default_factory=dict)
     """The figures by which the mappers are compared, each by mapper (see `compared`)."""
+    conditions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """The paper's conditions and ours by name, such as `environment`, `speed`, `sensors`."""
     text: str = ""
     """A description of the method, in Markdown."""
     pictures: Mapping[str, Figure] = field(default_factory=dict)
@@ -63,6 +68,7 @@ class Report:
 
     def as_json(self) -> dict[str, object]:
         """Return the report as the command prints it."""
+        conditions = {name: list(both) for name, both in self.conditions.items()}
         return {
             "id": self.id,
             "paper": _in_json(self.paper),
@@ -70,11 +76,17 @@ class Report:
             "holds": self.holds,
             **({"verdicts": dict(self.verdicts)} if self.verdicts else {}),
             **({"compared": _in_json(self.compared)} if self.compared else {}),
+            **({"conditions": conditions} if conditions else {}),
         }
 
     def as_markdown(self) -> str:
         """Return the report in Markdown, with its pictures."""
         lines = [f"# {self.id}: {self.title}", "", self.text.strip(), ""]
+        if self.conditions:
+            lines += ["| conditions | paper | here |", "|---|---|---|"]
+            for name, (paper, here) in self.conditions.items():
+                lines.append(f"| {name} | {paper} | {here} |")
+            lines.append("")
         lines += self.table()
         for head, *body in self.grouped():
             lines += ["", f"| | {' | '.join(head[1:])} |", "|---" * len(head) + "|"]
@@ -272,13 +284,20 @@ def index(reports: Sequence[Report], folder: str) -> str:
         "`albot experiment page FOLDER` writes this page anew. A worst figure is that of the worst",
         "seed.",
         "",
-        "| | experiment | reached |",
-        "|---|---|---|",
+        "Where a paper's system runs to the letter, its mapper ends in `-paper` or `-thesis`.",
+        "",
+        "| | experiment | reached to the letter | reached by ours |",
+        "|---|---|---|---|",
     ]
     for report in reports:
         link = f"[{report.id}]({folder}/{report.id}/report.md)"
-        judged = [f"{name}: {cell(reached)}" for name, reached in report.verdicts.items()]
-        verdict = ", ".join(judged) or cell(report.holds)
+        letter: list[str] = []
+        ours: list[str] = []
+        for name, reached in report.verdicts.items():
+            (letter if name.endswith(_LETTER) else ours).append(f"{name}: {cell(reached)}")
+        if not report.verdicts:
+            ours.append(cell(report.holds))
+        verdict = f"{', '.join(letter) or '–'} | {', '.join(ours) or '–'}"
         lines.append(f"| {link} | {report.title} | {verdict} |")
     for report in reports:
         lines += ["", f"## {report.id}: {report.title}", "", *report.table(), ""]

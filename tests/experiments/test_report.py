@@ -54,9 +54,24 @@ def test_the_page_links_every_report(tmp_path: Path) -> None:
     written = write_index([REPORT], tmp_path / "runs")
     assert written == tmp_path / "runs.md"
     page = written.read_text()
-    assert "| [one-e1](runs/one-e1/report.md) | One | no |" in page
+    assert "| [one-e1](runs/one-e1/report.md) | One | – | no |" in page
     assert "| error_m | 0.25 (worst 1.5) | 0.25 (worst 1.5) |" in page
     assert page == index([REPORT], "runs")
+
+
+def test_the_letter_and_ours_are_judged_in_columns_of_their_own() -> None:
+    verdicts = {"one-thesis": False, "two-paper": True, "one": True}
+    page = index([dataclasses.replace(REPORT, verdicts=verdicts)], "runs")
+    assert "| One | one-thesis: no, two-paper: yes | one: yes |" in page
+
+
+def test_the_paper_s_conditions_stand_beside_ours(tmp_path: Path) -> None:
+    conditions = {"speed": ("0.3 m/s", "0.5 m/s"), "trials": ("2", "20")}
+    dataclasses.replace(REPORT, conditions=conditions).write(tmp_path)
+    assert ("| conditions | paper | here |\n|---|---|---|\n| speed | 0.3 m/s | 0.5 m/s |") in (
+        tmp_path / "report.md"
+    ).read_text()
+    assert read_report(tmp_path).conditions == conditions
 
 
 def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
