@@ -182,6 +182,12 @@ EXPERIMENTS = {
             module="albot_experiments.association_1",
         ),
         Experiment(
+            id="association-2",
+            title="Landmark association of a robot that wanders on its own (Yeap et al. 2015)",
+            seeds=20,
+            module="albot_experiments.association_2",
+        ),
+        Experiment(
             id="ratslam-real",
             title="RatSLAM with a laser on real logs (Milford et al. 2005, section 6)",
             seeds=20,

@@ -96,12 +96,21 @@ MAPPERS: dict[str, MapperSpec] = {
         ),
         MapperSpec(
             name="association",
-            summary="A global map of surfaces, each added by where it is from a recognised one.",
+            summary="Scans matched by landmarks: a map of surfaces, each put in by those near it.",
             paper=_YEAP,
             sensors=_LASER,
             layers=("segments",),
             factory="albot_core.mappers.association.mapper:Association",
             config="albot_core.mappers.association.mapper:AssociationConfig",
+        ),
+        MapperSpec(
+            name="association-paper",
+            summary="Landmark association to the letter: each surface by its nearest landmark.",
+            paper=_YEAP,
+            sensors=_LASER,
+            layers=("segments",),
+            factory="albot_core.mappers.association.paper:AssociationPaper",
+            config="albot_core.mappers.association.mapper:LandmarkConfig",
         ),
         MapperSpec(
             name="dp-slam",

@@ -34,6 +34,7 @@ OURS = (
     "albot1-thesis",
     "albot1-tracked",
     "association",
+    "association-paper",
     "dp-slam",
     "gmapping",
     "graph-slam",
