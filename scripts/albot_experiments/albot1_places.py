@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Points, Poses
+from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
+from albot_core.mappers.albot1.places.network import START
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import PlaceGraph
 from albot_experiments.mapping import ALBOT1, EVERY_READING
@@ -58,6 +59,8 @@ class PlacedTour:
     """For every view, the final id of the place in which the robot believed to be."""
     crossings: tuple[Crossing, ...]
     """The exits that the robot went through, in order."""
+    frames: Mapping[int, Pose]
+    """The true pose of each place's frame (world): that of the robot when it began the place."""
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -111,6 +114,7 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
         raise InputError("mapper", "one of Albot1's", name)
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)
     crossings: list[Crossing] = []
+    frames = {START: journey.truth[0]}
     place = known = 0
     for view, reading in enumerate(journey.readings):
         expected, before = mapper.predicted_exits, mapper.exits
@@ -120,6 +124,8 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
         for event in new:
             if event.kind in (EventKind.NEW, EventKind.ENTERED, EventKind.LOST):
                 place = event.other
+            if event.kind in (EventKind.NEW, EventKind.LOST):
+                frames[event.other] = journey.truth[view]
         poses[view], places[view] = mapper.estimate.pose, place
         if any(event.kind in (EventKind.NEW, EventKind.ENTERED) for event in new):
             line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
@@ -137,6 +143,7 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
         poses=poses,
         places=np.array([same.get(place, place) for place in places.tolist()]),
         crossings=tuple(crossings),
+        frames=frames,
     )
 
 

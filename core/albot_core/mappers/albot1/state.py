@@ -79,7 +79,7 @@ MAP = Schema(
     Field("memory.ids", "slots", int, least=-1, below="next_id"),
     Field("memory.marks", "slots", np.int32),
     Field("memory.met_in", "slots", np.int32),
-    Field("memory.met", "visit+1 2", np.int32),
+    Field("memory.met", "visit+1 3", np.int32),
     Field("memory.free", "freed", np.int32),
     Pack(
         "memory.counts",
