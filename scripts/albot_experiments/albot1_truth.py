@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from albot_core.evaluation.map_quality import sample_segments
 from albot_core.geometry.poses import transform_points, transform_segments
-from albot_core.geometry.types import Points, Segments
+from albot_core.geometry.types import Points
 from albot_core.mappers.albot1.places.network_view import Network, Place
 from albot_experiments.albot1_places import PlacedTour, middle
 from albot_experiments.mapping import Walls
@@ -25,8 +25,11 @@ from albot_maps import World
 from albot_maps.world import Exit
 
 NEAR_DOOR = 1.0
-"""An exit is at a true door if their middles are within this distance (m): no two doors of a room
-are nearer than twice this, and the map drifts within a place."""
+"""An exit is at a true door if their middles are at most this far apart (m): a doorway's width."""
+LEAST_DESCRIBED, LEAST_ON_WALLS = 0.55, 0.85
+"""A network describes its places if `walls_described` and `surfaces_on_walls` are at least this.
+Between what `albot1` reaches on seeds below 1000, and what it does without the update that an exit
+forces, and where a new description takes the place of the old one."""
 NEAR_WALL = 0.3
 """A surface is a wall, and a wall is described, within this distance (m): half as much again as the
 walls are thick."""
@@ -48,17 +51,28 @@ class NetworkTruth:
     surfaces_on_walls: float
     """Share of the length of all surfaces that lies on walls."""
 
+    @property
+    def is_described(self) -> bool:
+        """Whether the surfaces describe the rooms' walls, and little else."""
+        is_whole = self.walls_described >= LEAST_DESCRIBED
+        return is_whole and self.surfaces_on_walls >= LEAST_ON_WALLS
 
-def judge_network(placed: PlacedTour, world: World) -> NetworkTruth:
+
+def judge_network(placed: PlacedTour, world: World, near_door: float = NEAR_DOOR) -> NetworkTruth:
     """Return how far the network at the end of a journey agrees with the floor.
 
     The three values of an exit are its whereabouts, the place it leads to, and the exit of that
     place that it is (section 4.1). An exit of a place that is no single room has no right value. A
     missing exit counts as wrong, and so does one too many.
+
+    Args:
+        placed: The journey.
+        world: The floor.
+        near_door: The distance from a true door within which an exit's whereabouts are right (m).
     """
     network, rooms = placed.mapper.network, _rooms(placed, world)
     doors = [
-        [_door_of(placed, place, door.middle, world) for door in place.exits]
+        [_door_of(placed, place, door.middle, world, near_door) for door in place.exits]
         for place in network.places
     ]
     right, off = 0, []
@@ -80,6 +94,38 @@ def judge_network(placed: PlacedTour, world: World) -> NetworkTruth:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A journey's network, held against the true floor."""
+
+    placed: PlacedTour
+    is_right: bool
+    """Whether its places are the rooms, and its links the doors."""
+    truth: NetworkTruth
+    """Its exits and surfaces."""
+
+    @classmethod
+    def of(cls, placed: PlacedTour, world: World, near_door: float = NEAR_DOOR) -> Judged:
+        """Return the network of a journey, judged; `near_door` is as for `judge_network`."""
+        truth = judge_network(placed, world, near_door)
+        return cls(placed=placed, is_right=placed.is_right(world), truth=truth)
+
+    @property
+    def has_exits_right(self) -> bool:
+        """Whether all three values of every exit are right."""
+        return self.truth.exits_right == 1.0
+
+    @property
+    def is_described(self) -> bool:
+        """Whether the surfaces of its places are the walls of the rooms."""
+        return self.truth.is_described
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether all is right."""
+        return self.is_right and self.has_exits_right and self.is_described
+
+
 def _rooms(placed: PlacedTour, world: World) -> Mapping[int, str]:
     """Return the room that each place is; none for a place that is several."""
     found = placed.rooms(world)
@@ -91,10 +137,12 @@ def _placed(placed: PlacedTour, place: Place, point: Points) -> Points:
     return transform_points(placed.frames[place.id], point)
 
 
-def _door_of(placed: PlacedTour, place: Place, point: Points, world: World) -> Exit | None:
+def _door_of(
+    placed: PlacedTour, place: Place, point: Points, world: World, near_door: float
+) -> Exit | None:
     """Return the true door nearest to a point of a place's frame; None if none is near."""
     nearest = min(world.exits, key=lambda door: _off(placed, place, point, door))
-    return nearest if _off(placed, place, point, nearest) <= NEAR_DOOR else None
+    return nearest if _off(placed, place, point, nearest) <= near_door else None
 
 
 def _off(placed: PlacedTour, place: Place, point: Points, door: Exit) -> float:
@@ -111,9 +159,7 @@ def _partner(
     return None
 
 
-def _surfaces(
-    placed: PlacedTour, world: World, rooms: Mapping[int, str]
-) -> tuple[float, float]:
+def _surfaces(placed: PlacedTour, world: World, rooms: Mapping[int, str]) -> tuple[float, float]:
     """Return `walls_described` and `surfaces_on_walls` of the places that are one room."""
     described, near, total = [], 0, 0
     walls = KDTree(sample_segments(world.walls, _SPACING))

@@ -101,14 +101,15 @@ class PlacesConfig:
     side of all its exits, where no probability is computed. Off in the thesis."""
     keeps_believed_pose: bool = True
     """Whether a recognised place is laid where the map expects it, if at most one surface fewer
-    matches there. If off, it is always laid where it was found, as in the thesis."""
+    matches there. If off, it is always laid where it was found, as in the thesis and in
+    `albot1-tracked`."""
     compare_spacing: float = 0.7
     """Places are compared again after the robot has moved this far (m)…"""
     compare_turn: float = np.radians(45.0)
     """…or turned this far (rad)."""
     compares_at_updates: bool = False
     """Whether places are instead compared whenever a view is laid over the map (section 4.1.2), and
-    only then. On in the thesis."""
+    only then. On in `albot1-thesis` and `albot1-tracked`."""
     uses_expected_exits: bool = True
     """Whether known exits are crossed where they are expected, even if they are not seen. Off in
     the thesis."""
@@ -307,7 +308,12 @@ class Albot1Config:
         """Return the thresholds of `albot1-tracked`, which localises by all tracked landmarks."""
         return cls(
             view=ViewConfig(fit_lines=True, grazing_ends=True),
-            places=PlacesConfig(min_probability=0.0, expects_drift=False),
+            places=PlacesConfig(
+                min_probability=0.0,
+                expects_drift=False,
+                keeps_believed_pose=False,
+                compares_at_updates=True,
+            ),
             view_spacing=0.0,
             view_turn=0.0,
             margin=0.40,

@@ -123,9 +123,10 @@ def keep_or_drop_candidate(
     """Drop a candidate that comes too soon; return whether a candidate is to be compared now.
 
     In the thesis every update of the map with a candidate is a time to compare (section 4.1.2):
-    `is_updated` says whether the present view led to one. The rest is ours. Too soon is too near to where places were last compared. If the robot is lost the candidate is
-    kept. While an exit is being crossed nothing is compared, because it is not known in which of
-    the two places the robot is.
+    `is_updated` says whether the present view led to one. The rest is ours. Too soon is too near to
+    where places were last compared. If the robot is lost the candidate is kept. While an exit is
+    being crossed nothing is compared, because it is not known in which of the two places the robot
+    is.
     """
     if pm.counts[CANDIDATE] == 0:
         return False
