@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -18,7 +18,7 @@ from albot_experiments.albot1_places import PlacedTour, between, place_tour
 from albot_experiments.albot1_truth import Judged
 from albot_experiments.drawing import draw_place_graph, finish_maps
 from albot_experiments.mapping import ALBOT1
-from albot_experiments.report import Figures, Report, Scalar, compared, each_seed
+from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
 
@@ -162,7 +162,7 @@ def _metres(values: Float64[np.ndarray, "..."]) -> float | None:
     return round(median, 3) if np.isfinite(median) else None
 
 
-def _figures(world: World, laps: list[SecondLap]) -> dict[str, Scalar]:
+def _figures(world: World, laps: list[SecondLap]) -> dict[str, Figures]:
     aligned = np.array([lap.aligned for lap in laps])
     judged = [Judged.of(lap.placed, world, NEAR_DOOR) for lap in laps]
     return {
@@ -178,10 +178,10 @@ def _figures(world: World, laps: list[SecondLap]) -> dict[str, Scalar]:
 
 def _report(world: World, seeds: range, laps: dict[str, list[SecondLap]]) -> Report:
     figures = {name: _figures(world, several) for name, several in laps.items()}
-    judged = {name: figures[f"{name}{how}"] for name, how in JUDGED.items()}
-    verdicts = {name: _is_reached(each) for name, each in judged.items()}
+    verdicts = {name: _is_reached(world, laps[f"{name}{how}"]) for name, how in JUDGED.items()}
     main = f"albot1{JUDGED['albot1']}"
     aligned, unaligned = _gaps(laps[main])
+    judged: dict[str, Figures] = {name: figures[f"{name}{how}"] for name, how in JUDGED.items()}
     measured: dict[str, Figures] = {
         "aligned_is_nearer": int(_is_nearer(laps[main]).sum()) >= LEAST_NEARER,
         "network_right": figures[main]["network_right"],
@@ -225,10 +225,13 @@ def _is_nearer(laps: list[SecondLap]) -> Bool[np.ndarray, "exits"]:
     return np.asarray(is_known & is_near)
 
 
-def _is_reached(figures: Mapping[str, float]) -> bool:
+def _is_reached(world: World, laps: list[SecondLap]) -> bool:
     """Return whether the network is right, and its exits are found where they are aligned."""
-    is_right = min(figures["network_right"], figures["exits_lead_right"]) >= LEAST_RIGHT
-    return is_right and figures["exits_nearer"] >= LEAST_NEARER
+    judged = [Judged.of(lap.placed, world, NEAR_DOOR) for lap in laps]
+    right = np.mean([each.is_right for each in judged])
+    led_right = np.mean([each.has_exits_right for each in judged])
+    is_right = min(right, led_right) >= LEAST_RIGHT
+    return bool(is_right and _is_nearer(laps).sum() >= LEAST_NEARER)
 
 
 def _text(seeds: range) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -115,12 +116,11 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)
     crossings: list[Crossing] = []
     frames = {START: journey.truth[0]}
-    place = known = 0
+    place, known = START, mapper.events
     for view, reading in enumerate(journey.readings):
         expected, before = mapper.predicted_exits, mapper.exits
         mapper.update(reading)
-        events = mapper.events
-        new, known = events[known:], len(events)
+        new, known = new_events(known, mapper.events), mapper.events
         for event in new:
             if event.kind in (EventKind.NEW, EventKind.ENTERED, EventKind.LOST):
                 place = event.other
@@ -145,6 +145,15 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
         crossings=tuple(crossings),
         frames=frames,
     )
+
+
+def new_events(before: Sequence[Event], after: Sequence[Event]) -> tuple[Event, ...]:
+    """Return the events of `after` that are not in `before`, although the log may forget old ones.
+
+    Both are a network's events, before and after a reading.
+    """
+    last = before[-1]
+    return tuple(takewhile(lambda event: event is not last, reversed(after)))[::-1]
 
 
 def same_in_the_end(events: Iterable[Event]) -> Mapping[int, int]:
