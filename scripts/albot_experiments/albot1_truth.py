@@ -75,7 +75,8 @@ def judge_network(placed: PlacedTour, world: World, near_door: float = NEAR_DOOR
         [_door_of(placed, place, door.middle, world, near_door) for door in place.exits]
         for place in network.places
     ]
-    right, off = 0, []
+    right: set[tuple[int, str]] = set()
+    off = []
     for place, mine in zip(network.places, doors, strict=True):
         for door, true in zip(place.exits, mine, strict=True):
             if true is None:
@@ -83,11 +84,12 @@ def judge_network(placed: PlacedTour, world: World, near_door: float = NEAR_DOOR
             off.append(_off(placed, place, door.middle, true))
             there = _partner(network, doors, door.leads_to, door.exit_there)
             leads_right = {rooms.get(place.id), rooms.get(door.leads_to)} == {*true.rooms}
-            right += leads_right and there is true
+            if leads_right and there is true:
+                right.add((place.id, true.name))
     due = max(2 * len({crossing.exit for crossing in placed.crossings}), sum(map(len, doors)))
     described, on_walls = _surfaces(placed, world, rooms)
     return NetworkTruth(
-        exits_right=right / due if due else 0.0,
+        exits_right=len(right) / due if due else 0.0,
         exits_off=float(np.median(off)) if off else np.inf,
         walls_described=described,
         surfaces_on_walls=on_walls,
