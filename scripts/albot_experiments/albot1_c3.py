@@ -15,7 +15,7 @@ from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_experiments.albot1_conditions import THESIS_LASER, THESIS_MOTION, THESIS_ODOMETER
 from albot_experiments.albot1_e3 import DISTURBANCE, moved_by
 from albot_experiments.albot1_places import PlacedTour, between, place_tour
-from albot_experiments.albot1_truth import Judged
+from albot_experiments.albot1_truth import judge_exits
 from albot_experiments.drawing import draw_place_graph, finish_maps
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
@@ -164,10 +164,9 @@ def _metres(values: Float64[np.ndarray, "..."]) -> float | None:
 
 def _figures(world: World, laps: list[SecondLap]) -> dict[str, Figures]:
     aligned = np.array([lap.aligned for lap in laps])
-    judged = [Judged.of(lap.placed, world, NEAR_DOOR) for lap in laps]
     return {
-        "network_right": round(float(np.mean([each.is_right for each in judged])), 3),
-        "exits_lead_right": round(float(np.mean([each.has_exits_right for each in judged])), 3),
+        "network_right": round(_network_right(world, laps), 3),
+        "exits_lead_right": round(_exits_lead_right(world, laps), 3),
         "exits_predicted": round(float(np.isfinite(aligned).mean()), 3),
         "exits_nearer": int(_is_nearer(laps).sum()),
         "aligned_m": _metres(aligned),
@@ -210,6 +209,16 @@ def _report(world: World, seeds: range, laps: dict[str, list[SecondLap]]) -> Rep
     )
 
 
+def _network_right(world: World, laps: list[SecondLap]) -> float:
+    """Return the share of the seeds in which places and links are right."""
+    return float(np.mean([lap.placed.is_right(world) for lap in laps]))
+
+
+def _exits_lead_right(world: World, laps: list[SecondLap]) -> float:
+    """Return the share of the seeds in which every exit leads where it truly does."""
+    return float(np.mean([judge_exits(lap.placed, world, NEAR_DOOR)[0] == 1.0 for lap in laps]))
+
+
 def _gaps(
     laps: list[SecondLap],
 ) -> tuple[Float64[np.ndarray, "laps exits"], Float64[np.ndarray, "laps exits"]]:
@@ -227,10 +236,7 @@ def _is_nearer(laps: list[SecondLap]) -> Bool[np.ndarray, "exits"]:
 
 def _is_reached(world: World, laps: list[SecondLap]) -> bool:
     """Return whether the network is right, and its exits are found where they are aligned."""
-    judged = [Judged.of(lap.placed, world, NEAR_DOOR) for lap in laps]
-    right = np.mean([each.is_right for each in judged])
-    led_right = np.mean([each.has_exits_right for each in judged])
-    is_right = min(right, led_right) >= LEAST_RIGHT
+    is_right = min(_network_right(world, laps), _exits_lead_right(world, laps)) >= LEAST_RIGHT
     return bool(is_right and _is_nearer(laps).sum() >= LEAST_NEARER)
 
 

@@ -58,8 +58,19 @@ class NetworkTruth:
         return is_whole and self.surfaces_on_walls >= LEAST_ON_WALLS
 
 
-def judge_network(placed: PlacedTour, world: World, near_door: float = NEAR_DOOR) -> NetworkTruth:
-    """Return how far the network at the end of a journey agrees with the floor.
+def judge_network(placed: PlacedTour, world: World) -> NetworkTruth:
+    """Return how far the network at the end of a journey agrees with the floor."""
+    right, off = judge_exits(placed, world)
+    described, on_walls = _surfaces(placed, world, _rooms(placed, world))
+    return NetworkTruth(
+        exits_right=right, exits_off=off, walls_described=described, surfaces_on_walls=on_walls
+    )
+
+
+def judge_exits(
+    placed: PlacedTour, world: World, near_door: float = NEAR_DOOR
+) -> tuple[float, float]:
+    """Return the share of the exits that are right, and how far they are off (`NetworkTruth`).
 
     The three values of an exit are its whereabouts, the place it leads to, and the exit of that
     place that it is (section 4.1). An exit of a place that is no single room has no right value. A
@@ -87,13 +98,7 @@ def judge_network(placed: PlacedTour, world: World, near_door: float = NEAR_DOOR
             if leads_right and there is true:
                 right.add((place.id, true.name))
     due = max(2 * len({crossing.exit for crossing in placed.crossings}), sum(map(len, doors)))
-    described, on_walls = _surfaces(placed, world, rooms)
-    return NetworkTruth(
-        exits_right=len(right) / due if due else 0.0,
-        exits_off=float(np.median(off)) if off else np.inf,
-        walls_described=described,
-        surfaces_on_walls=on_walls,
-    )
+    return len(right) / due if due else 0.0, float(np.median(off)) if off else np.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,9 +112,9 @@ class Judged:
     """Its exits and surfaces."""
 
     @classmethod
-    def of(cls, placed: PlacedTour, world: World, near_door: float = NEAR_DOOR) -> Judged:
-        """Return the network of a journey, judged; `near_door` is as for `judge_network`."""
-        truth = judge_network(placed, world, near_door)
+    def of(cls, placed: PlacedTour, world: World) -> Judged:
+        """Return the network of a journey, judged."""
+        truth = judge_network(placed, world)
         return cls(placed=placed, is_right=placed.is_right(world), truth=truth)
 
     @property
