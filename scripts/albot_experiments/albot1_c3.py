@@ -79,7 +79,7 @@ CONDITIONS: Mapping[str, tuple[str, str]] = {
         "the office floor of experiment 1",
         f"simulated, `{WORLD}`: drawn after figure 4.1, 6 exits of 1 m",
     ),
-    "path": ("the loop of experiment 1 (90 m) twice", "the loop twice, 190 m"),
+    "path": ("the loop of experiment 1 (90 m) twice", "195 m: the loop twice, and 1 m more"),
     "motion": THESIS_MOTION,
     "laser": (THESIS_LASER[0], f"{THESIS_LASER[1]}; `albot1`: range 8 m"),
     "odometer": (THESIS_ODOMETER[0], f"{THESIS_ODOMETER[1]}; `albot1`: disturbed"),
