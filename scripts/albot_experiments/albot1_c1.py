@@ -47,7 +47,10 @@ CONDITIONS: Mapping[str, tuple[str, str]] = {
         "an office floor: a laboratory, corridors and rooms, 6 exits of about 1 m",
         f"simulated, `{WORLD}`: drawn after figure 4.1, 6 exits of 1 m",
     ),
-    "path": ("about 90 m, one loop; its end is not told", "98 to 108 m: the loop, and 1 to 11 m more"),
+    "path": (
+        "about 90 m, one loop; its end is not told",
+        "98 to 108 m: the loop, and 1 to 11 m more",
+    ),
     "motion": THESIS_MOTION,
     "laser": THESIS_LASER,
     "odometer": THESIS_ODOMETER,

@@ -178,7 +178,8 @@ def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "vis
     """Return each visit's gate: with more re-observed surfaces than this it becomes a candidate.
 
     Surfaces of a place that an exit joins to the present one are seen through that exit: such a
-    place is never a candidate. The rest is ours, and needs no re-observed surface at all:
+    place is never a candidate, in `albot1-thesis` neither (section 4.1.2 does not say so). The rest
+    is ours, and needs no re-observed surface at all:
 
     - a place that was a candidate just before the robot crossed an exit into a new place
       (SEEN_THROUGH_EXIT), because what was observed of it there is no longer in the map,
