@@ -63,7 +63,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
         office = load_world(OFFICE.format(seed=seed))
         ways = {
             BUILDING: (building, tour[: round(PART * len(tour))]),
-            "random offices": (office, _way_across(office, seed)),
+            "random offices": (office, way_across(office, seed)),
         }
         for where, (world, way) in ways.items():
             for hearing, sonar in HEARING.items():
@@ -73,7 +73,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(seeds, outcomes)
 
 
-def _way_across(world: World, seed: int) -> np.ndarray:
+def way_across(world: World, seed: int) -> np.ndarray:
     """Return the way from a room drawn at random to the one farthest from it."""
     rooms = [room.name for room in world.reachable_rooms]
     home = rooms.pop(int(np.random.default_rng(seed).integers(len(rooms))))

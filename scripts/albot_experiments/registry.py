@@ -84,6 +84,12 @@ EXPERIMENTS = {
             module="albot_experiments.albot0_homing",
         ),
         Experiment(
+            id="albot0-lost-frame",
+            title="Albot0 comes home in another frame than that of its way out (Schmidt et al.)",
+            seeds=10,
+            module="albot_experiments.albot0_lost_frame",
+        ),
+        Experiment(
             id="albot1-e1",
             title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
             seeds=100,

@@ -43,10 +43,10 @@ def test_corridors_count_as_parted_where_an_asr_ends_near_their_crossing():
     assert albot0_return._bends(world, out[:120], parted[:120].astype(np.int64)) == ()
 
 
-def test_a_way_across_leads_through_a_door_hardly_wider_than_the_clearance():
+def test_away_across_leads_through_a_door_hardly_wider_than_the_clearance():
     """The rooms of seeds 1, 71, 90, 92 and 3012 could not be reached, and the experiment ended."""
     world = load_world(albot0_return.OFFICE.format(seed=3012))
-    way = albot0_return._way_across(world, 3012)
+    way = albot0_return.way_across(world, 3012)
     assert world.room_at(*way[0]) != world.room_at(*way[-1])
 
 
