@@ -34,7 +34,7 @@ SONAR_CONDITIONS: Mapping[str, tuple[str, str]] = {
     "robot": ("Pioneer 3 by sonar, until an obstacle", "simulated Pioneer 3, led along waypoints"),
     "sensors": ("eight sonars of about 4 m", "eight sonars of 4 m, with and without specular loss"),
     "odometer": ("the Pioneer's, not corrected", "`pioneer`: systematic and random errors"),
-    "speed": ("not told", "up to 0.4 m/s"),
+    "speed": ("not told", "0.5 m/s"),
     "stops": ("at obstacles", "at turns of 20°, and after 3 m"),
 }
 """The paper's conditions and ours that are the same in its experiments."""
