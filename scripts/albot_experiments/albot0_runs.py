@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Points
 from albot_core.mappers.albot0.localisation import CUES as CUE_MAPS
@@ -57,7 +57,9 @@ class Stop:
     """Whether the robot was sure of its ASR."""
 
 
-def is_at(out: Points, places: Int64[np.ndarray, "readings"], place: Points, asr: int) -> bool:
+def is_at(
+    out: Points, places: Int64[np.ndarray, "readings"], place: Float64[np.ndarray, "2"], asr: int
+) -> bool:
     """Return whether a position (m) is in an ASR of the way out, or at its border.
 
     Args:
