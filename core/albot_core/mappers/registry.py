@@ -59,6 +59,15 @@ MAPPERS: dict[str, MapperSpec] = {
             config="albot_core.mappers.albot0.config:Albot0Config",
         ),
         MapperSpec(
+            name="albot0-paper",
+            summary="Albot0 to the letter: distance and orientation, whatever the frame.",
+            paper=_SCHMIDT,
+            sensors=frozenset({"sonar"}),
+            layers=("segments", "place_graph"),
+            factory="albot_core.mappers.albot0.mapper:Albot0",
+            config="albot_core.mappers.albot0.config:Albot0Config.paper",
+        ),
+        MapperSpec(
             name="albot1",
             summary="Albot1's perceptual map, with our recognition and localisation.",
             paper=_HOSSAIN,

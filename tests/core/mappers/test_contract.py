@@ -41,6 +41,7 @@ from albot_core.sensing.reading import (
 
 NAMES = (
     "albot0",
+    "albot0-paper",
     "albot1",
     "albot1-thesis",
     "albot1-tracked",
@@ -239,6 +240,7 @@ def test_a_capability_is_had_or_clearly_refused(name):
     kinds = RouteHome, PlaceMemory, CorrectedTrajectory, AttractorNetwork, Recognition
     expected = {
         "albot0": (True, True, False, False, False),
+        "albot0-paper": (True, True, False, False, False),
         "albot1": (True, True, False, False, True),
         "albot1-thesis": (True, True, False, False, True),
         "albot1-tracked": (True, True, False, False, True),
