@@ -35,8 +35,8 @@ BIASES = ("bias-1.5", "bias-3", "bias-6")
 """Names of the odometers."""
 DRIVING = Driving(speed=0.3)
 MINUTES, READINGS_PER_SECOND = 15, 10
-FALSE_SCENES = 0.05
-"""Share of looks that show a random scene of the world."""
+SCENES = SceneConfig(false_rate=0.05, false_shortest=1.0, false_longest=3.0, familiar=True)
+"""The scene sensor: 5 % of its looks show, for 1 to 3 s, a scene that the robot has passed."""
 PAPER = {"consistent_at_1.5": True, "consistent_at_3": True, "consistent_at_6": True}
 MOST_ERROR, LEAST_RATIO, MOST_GROWTH, MOST_ELSEWHERE = 0.5, 5.0, 2, 10.0
 """Bounds: rms error (m); ratio of the rms error without correction to that with it; number of
@@ -69,7 +69,7 @@ def loop(odometer: str, seed: int) -> tuple[Run, Run]:
         np.random.default_rng((BIASES.index(odometer), seed)),
         driving=DRIVING,
         odometer=ODOMETERS[odometer],
-        scenes=SceneConfig(false_rate=FALSE_SCENES),
+        scenes=SCENES,
     )
     readings, truth = journey.readings[:count], journey.truth[:count]
     with_correction, without = (
