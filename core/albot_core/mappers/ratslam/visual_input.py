@@ -100,9 +100,11 @@ class SceneInput(Stored):
         return cells.moved(linked, there), amounts
 
     def _is_elsewhere(self) -> bool:
-        """Return whether the view is known, but none of its experiences is active."""
-        view, experiences = self._position.view, self._position.map
-        return experiences.knows(view) and experiences.active(view, self._cells.packet) < 0
+        """Return whether the view is known from elsewhere only, and the place by other views."""
+        position = self._position
+        is_known = position.map.knows(position.view)
+        is_active = is_known and position.map.active(position.view, self._cells.packet) >= 0
+        return is_known and not is_active and not position.is_novel
 
     def _is_unconfirmed(self) -> bool:
         """Return whether the view is known from elsewhere only, and may be false here."""
