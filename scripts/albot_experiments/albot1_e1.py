@@ -28,6 +28,7 @@ from albot_experiments.mapping import (
     shape_figures,
     shape_of,
     surface_points,
+    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour, true_motions
@@ -40,6 +41,11 @@ if TYPE_CHECKING:
 ID = "albot1-e1"
 TITLE = "The map computed (Hossain 2014, section 3.2.1, figures 3.14 and 3.15)"
 PAPER = {"routes": 6, "shape_kept": True, "corridor_by_path_integration": True}
+CONDITIONS = thesis_conditions(
+    "catalogue floors `office-ring`, `office-double`, two random offices",
+    ("start-stop, usually 1 m or 45°", "start-stop, 1 m or 45°"),
+    ("6 routes, once each", "6 routes, 100 seeds each"),
+)
 CORRIDOR = "P3"
 """A corridor with only two side walls, on the offices of the catalogue."""
 _EQUAL = 1e-9
@@ -214,6 +220,7 @@ def _report(seeds: range, trips: list[dict[str, Trip]]) -> Report:
         holds=bool(verdicts["albot1"] and by_odometer),
         verdicts=verdicts,
         compared=compared(measured, MAPPERS, names),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"maps": _picture(trips)},
     )

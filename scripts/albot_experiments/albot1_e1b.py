@@ -18,6 +18,7 @@ from albot_experiments.mapping import (
     Walls,
     map_readings,
     surface_points,
+    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.revisiting import before_revisiting
@@ -34,6 +35,11 @@ PAPER: dict[str, Figures] = {
     "open_updates_per_view": round(3 / 10, 2),
     "old_corridor_is_wiped": True,
 }
+CONDITIONS = thesis_conditions(
+    "`office-ring`",
+    ("start-stop, moves of 3 m on average", "start-stop, 3 m or 45°"),
+    ("one journey each", "100 seeds each"),
+)
 WORLD, TRACED, REVISITED = "office-ring", "single-loop", "revisit"
 TRACE_STEPS = StartStop(move=3.0, turn=np.radians(45.0))
 """The steps of figure 3.17: a move is about 3 m."""
@@ -133,6 +139,7 @@ def _report(seeds: range, world: World, traces: dict[str, list[Trace]]) -> Repor
         holds=verdicts["albot1"],
         verdicts=verdicts,
         compared=compared(groups, ALBOT1, tuple(ours)),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"wiping": _picture(world, traces)},
     )

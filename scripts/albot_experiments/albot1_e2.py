@@ -13,7 +13,13 @@ from albot_core.drawing.labels import Label, place_labels
 from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
 from albot_core.geometry.types import Pose, Poses
 from albot_experiments.drawing import MARK, PATH, draw_floor, finish_maps
-from albot_experiments.mapping import ALBOT1, MAPPERS, map_readings, median_and_worst
+from albot_experiments.mapping import (
+    ALBOT1,
+    MAPPERS,
+    map_readings,
+    median_and_worst,
+    thesis_conditions,
+)
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
@@ -39,6 +45,11 @@ PAPER: dict[str, Figures] = {
     "angle_error_deg": median_and_worst(_OFF[:, 0].tolist(), 2),
     "distance_error_m": median_and_worst(_OFF[:, 1].tolist(), 2),
 }
+CONDITIONS = thesis_conditions(
+    "`office-ring`",
+    ("start-stop, usually 1 m or 45°", "start-stop, 1 m or 45°"),
+    ("2 journeys of 2 stops", "2 journeys of 2 stops, 100 seeds"),
+)
 LARGEST_ANGLE, LARGEST_DISTANCE = np.radians(7.0), 3.2
 """Errors that no stop of the thesis exceeds, and none of any run may exceed (rad, m)."""
 
@@ -136,6 +147,7 @@ def _report(seeds: range, world: World, pointings: dict[str, list[Pointing]]) ->
         holds=verdicts["albot1"],
         verdicts=verdicts,
         compared=compared(measured, MAPPERS, names),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"home": _picture(world, pointings)},
     )

@@ -17,7 +17,13 @@ from albot_core.mappers.albot1.mapper import Albot1
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.simulator import THESIS_STEPS, StartStop
 from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor, finish_maps
-from albot_experiments.mapping import ALBOT1, CHAPTER_3, map_readings, median_and_worst
+from albot_experiments.mapping import (
+    ALBOT1,
+    CHAPTER_3,
+    map_readings,
+    median_and_worst,
+    thesis_conditions,
+)
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
@@ -36,6 +42,12 @@ PAPER = {
     "odometry_error_disturbed_m": 22.3,
     "albot1_error_disturbed_m": 1.6,
 }
+CONDITIONS = thesis_conditions(
+    "`corridor-loop` and `office-ring`, each judged",
+    ("start-stop, 106 views on 100 m", "start-stop, 106 views on 97 m"),
+    ("one journey, and with 0.1 m and 1° added at each step", "the same, 100 seeds"),
+    "drift chosen so that the odometer alone is 4.6 m off, as the thesis's",
+)
 DISTURBANCE = np.array([0.1, 0.0, np.radians(1.0)])
 """Added to the odometer's motion between consecutive views in the second run (m, m, rad)."""
 LARGEST_DRIFT = 0.05
@@ -265,6 +277,7 @@ def _report(seeds: range, journeys: list[TourRecord], runs: list[Runs]) -> Repor
         holds=verdicts["albot1"],
         verdicts=verdicts,
         compared=compared_to,
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"maps": _picture(runs)},
     )

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from albot_experiments.mapping import thesis_conditions
 from albot_experiments.report import Report
 from albot_experiments.revisiting import (
     TOUR,
@@ -28,6 +29,11 @@ PAPER = {
     "update_share": round(470 / 1330, 3),
     "shape_kept": True,
 }
+CONDITIONS = thesis_conditions(
+    "`office-ring`",
+    ("driven by hand, a view each 10 cm or 1°", "driven at 0.5 m/s, a view each 10 cm or 1°"),
+    ("one journey of 136 m", "one journey of 136 m, 100 seeds"),
+)
 MOST_UPDATES = 0.4
 """Maximum number of updates, as a share of the views."""
 
@@ -38,7 +44,9 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    experiment = RevisitingExperiment(id=ID, title=TITLE, paper=PAPER, most_updates=MOST_UPDATES)
+    experiment = RevisitingExperiment(
+        id=ID, title=TITLE, paper=PAPER, conditions=CONDITIONS, most_updates=MOST_UPDATES
+    )
     return report_on(experiment, drive(SPACING, seeds, progress), _text(seeds))
 
 

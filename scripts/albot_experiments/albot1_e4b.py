@@ -15,6 +15,7 @@ from albot_experiments.mapping import (
     median_and_worst,
     shape_figures,
     surface_points,
+    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.revisiting import TOUR, WORLD, Drive, map_drive
@@ -31,6 +32,11 @@ PAPER: dict[str, Figures] = {
     "too_little_leaves_ghosts": True,
     "too_much_forgets": True,
 }
+CONDITIONS = thesis_conditions(
+    "`office-ring`",
+    ("driven by hand, a view each 10 cm or 1°", "driven at 0.5 m/s, a view each 10 cm or 1°"),
+    ("one margin, slightly larger than the view", "five margins, 20 seeds"),
+)
 MARGINS = (0.0, 0.2, 0.4, 0.8, 1.6)
 """Distances from a view's boundary within which a surface counts as inside (m)."""
 THESIS_MARGIN = 0.4
@@ -92,6 +98,7 @@ def _report(seeds: range, world: World, drives: Drives) -> Report:
         holds=verdicts["albot1"],
         verdicts=verdicts,
         compared=compared(at_thesis, ALBOT1, names),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"margins": _picture(world, drives)},
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from albot_experiments.mapping import thesis_conditions
 from albot_experiments.report import Report
 from albot_experiments.revisiting import (
     TOUR,
@@ -30,6 +31,11 @@ PAPER = {
     "shape_kept": True,
     "slam_shape_kept": False,
 }
+CONDITIONS = thesis_conditions(
+    "`office-ring`",
+    ("driven by hand, a view each 1 m or 10°", "driven at 0.5 m/s, a view each 1 m or 10°"),
+    ("one journey of 136 m", "one journey of 136 m, 100 seeds; SLAM systems 20"),
+)
 MOST_UPDATES = 0.65
 """Maximum number of updates, as a share of the views."""
 SLAM = ("scan-matching", "graph-slam", "gmapping", "grid-slam", "dp-slam")
@@ -45,7 +51,9 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    experiment = RevisitingExperiment(id=ID, title=TITLE, paper=PAPER, most_updates=MOST_UPDATES)
+    experiment = RevisitingExperiment(
+        id=ID, title=TITLE, paper=PAPER, conditions=CONDITIONS, most_updates=MOST_UPDATES
+    )
     drives = drive(SPACING, seeds, progress)
     slam = drive(SPACING, seeds[:SLAM_SEEDS], lambda _: None, SLAM)
     kept = {name: slam.keeps_shape(name) for name in SLAM}

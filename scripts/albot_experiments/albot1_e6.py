@@ -46,6 +46,15 @@ if TYPE_CHECKING:
 ID = "albot1-e6"
 TITLE = "Public logs (Hossain 2014, section 3.2.6, figure 3.29)"
 PAPER = {"logs": 1, "reasonable_shape": True}
+CONDITIONS = {
+    "environment": ("one public log of a large corridor, not named", "five public logs"),
+    "robot": ("as recorded", "as recorded"),
+    "laser": ("as recorded", "as recorded"),
+    "odometer": ("as recorded", "as recorded; also with small noise added, by seed"),
+    "movement": ("continuous", "continuous"),
+    "trials": ("one log", "five logs, 20 seeds"),
+    "judged by": ("eye, beside GMapping's map", "the references' walls, paths and relations"),
+}
 LARGEST_TRANSLATION, LARGEST_ROTATION = 0.22, np.radians(1.7)
 """A map has a reasonable shape only if its mean errors against the true relations are at most these
 (m, rad), which Kümmerle et al. 2009 measure of scan matching on Intel."""
@@ -201,6 +210,7 @@ def _report(seeds: range, runs: list[Run]) -> Report:
             for log, groups in by_log.items()
             for name, by_name in compared(groups, MAPPERS, names).items()
         },
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"maps": _picture(runs)},
     )

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 ID = "albot1-readings"
 TITLE = "Three readings of the thesis (Hossain 2014, sections 3.1.4, 3.1.7 and 4.1.2)"
 PAPER: dict[str, Figures] = {"readings": 3}
+CONDITIONS = {
+    "environment": ("–", "`office-ring` and the public logs"),
+    "trials": ("–", "20 seeds; the thesis leaves these three readings open"),
+}
 PRESETS: Mapping[str, Callable[[], Albot1Config]] = {
     "albot1-thesis": Albot1Config.thesis,
     "albot1-tracked": Albot1Config.tracked,
@@ -173,6 +177,7 @@ def _report(seeds: range, tallies: _Tallies) -> Report:
         paper=PAPER,
         measured={"readings": len(READINGS), "seeds": len(seeds), **groups},
         holds=bool(together < none),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"readings": _picture(tallies)},
     )

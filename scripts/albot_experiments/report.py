@@ -14,6 +14,7 @@ from albot_core.errors import InputError
 from albot_core.files import atomic_write, new_folder, read_text, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
+from albot_experiments.mutation_table import FILE, MutatedSystem, mutation_lines, read_mutations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -258,7 +259,7 @@ def read_report(folder: Path) -> Report:
 def write_index(reports: Sequence[Report], folder: Path) -> Path:
     """Write the page of the reports that stand in `folder`, each in a folder of its name."""
     page = index_path(folder)
-    write_text(page, index(reports, folder.name))
+    write_text(page, index(reports, folder.name, read_mutations(folder / FILE)))
     return page
 
 
@@ -267,7 +268,9 @@ def index_path(folder: Path) -> Path:
     return folder.with_name(f"{folder.name}.md")
 
 
-def index(reports: Sequence[Report], folder: str) -> str:
+def index(
+    reports: Sequence[Report], folder: str, mutations: Mapping[str, MutatedSystem] | None = None
+) -> str:
     """Return the page in Markdown; its links lead into `folder`."""
     lines = [
         "# The papers' experiments",
@@ -302,6 +305,8 @@ def index(reports: Sequence[Report], folder: str) -> str:
     for report in reports:
         lines += ["", f"## {report.id}: {report.title}", "", *report.table(), ""]
         lines += [f"![{name}]({folder}/{report.id}/{name}.png)" for name in report.pictures]
+    if mutations:
+        lines += ["", *mutation_lines(mutations)]
     return "\n".join(lines) + "\n"
 
 

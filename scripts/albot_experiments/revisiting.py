@@ -91,6 +91,8 @@ class RevisitingExperiment:
     title: str
     paper: Mapping[str, Figures]
     """The thesis's figures."""
+    conditions: Mapping[str, tuple[str, str]]
+    """The thesis's conditions and ours."""
     most_updates: float
     """Maximum number of updates, as a share of the views."""
 
@@ -210,6 +212,7 @@ def report_on(experiment: RevisitingExperiment, drives: Drives, text: str) -> Re
             MAPPERS,
             ("after_path_error_m", "after_wall_precision", "after_wall_recall", "corridor_length"),
         ),
+        conditions=experiment.conditions,
         text=text,
         pictures={"maps": drives.picture()},
     )

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
-import os
 import random
 import re
-import shutil
-import signal
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -23,8 +16,8 @@ from queue import Queue
 from typing import Any
 
 from albot_cli.progress import progress
-from albot_reliability import fault_runs
 from albot_reliability.fault_sampling import FOLDERS, ROOT, Fault, draw_faults
+from albot_reliability.project_copy import MISSED, SEEN, ProjectCopy
 
 _LOG = logging.getLogger(__name__)
 SEED = 1
@@ -33,20 +26,14 @@ SHARE = 0.6
 """Share of each folder's modules that get a fault."""
 SECONDS = 15.0
 """Processor time after which the tests that passed are enough (s)."""
-SEEN, MISSED = "seen", "missed"
-_STOPPED = (signal.SIGXCPU, signal.SIGKILL)
-_NOT_LOADED = 4
-"""Pytest's status if a `conftest.py` cannot be imported, among other usage errors."""
 _TESTS = ROOT / "tests"
 _LONG = ("test_processors", "test_warm_up", "test_linking", "test_fuzz")
 """Files of tests that compile everything again in separate processes, or try thousands of cases."""
 _SETTINGS = "tests/test_configurations.py"
-_COPIED = ("core", "maps", "albot_env", "agents", "scripts", "tests", "docs")
 _IMPORTS = re.compile(
     r"^\s*(?:from ((?:albot|tests)[\w.]*) import ([\w, ]*)|import ((?:albot|tests)[\w.]*))",
     re.MULTILINE,
 )
-_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?(?:\[.*?\])?)(?: - .*)?$", re.MULTILINE)
 
 
 # The tests near a module.
@@ -121,119 +108,6 @@ def _mirror(module: Path) -> Path:
     return folder
 
 
-# Runs.
-
-
-class Copy:
-    """A copy of the project that contains one fault at a time.
-
-    The project itself must not change in the meantime.
-
-    Args:
-        folder: An empty folder.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        folder.mkdir(parents=True)
-        for name in _COPIED:
-            shutil.copytree(ROOT / name, folder / name)
-        for path in ROOT.iterdir():
-            if path.is_file():
-                shutil.copy2(path, folder / path.name)
-        self._before = dict(self._files())
-        folders = os.pathsep.join(str(folder / name) for name in FOLDERS)
-        settings = {
-            "PYTHONPATH": folders,
-            "CI": "true",
-            "OMP_NUM_THREADS": "1",
-            "NUMBA_NUM_THREADS": "1",
-            "NUMBA_OPT": "1",  # The code that a fault's run compiles is not kept.
-        }
-        self._runs = subprocess.Popen(
-            [sys.executable, str(Path(fault_runs.__file__))],
-            cwd=folder,
-            env=os.environ | settings,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    def run(self, fault: Fault, tests: list[str], seconds: float) -> dict[str, Any]:
-        """Run tests with a fault; return the result."""
-        with self._injected(fault):
-            result, output = self._pytest(["-x"], tests, seconds)
-        failed, status = _FAILED.findall(output), result["status"]
-        if status in (0, fault_runs.NOTHING_FOUND):
-            passed = re.findall(r"(\d+) passed", output)
-            found = {"outcome": MISSED, "passed": int(passed[-1]) if passed else 0}
-        else:
-            unloaded = status == _NOT_LOADED and "while loading conftest" in output
-            if not failed and not unloaded and status >= 0:
-                raise RuntimeError(f"{fault}: {output}")
-            ended = "a run that does not end" if -status in _STOPPED else "a process that ends"
-            ended = "tests that cannot be loaded" if unloaded else ended
-            found = {"outcome": SEEN, "by": failed[0] if failed else ended}
-        return found | {"seconds": result["seconds"]}
-
-    def failing(self, tests: Iterable[str]) -> list[str]:
-        """Return those of some tests that fail without a fault."""
-        _, output = self._pytest([], sorted(tests), math.inf)
-        return _FAILED.findall(output)
-
-    def close(self) -> None:
-        """End the process that runs tests."""
-        self._runs.communicate()
-
-    def _pytest(
-        self, options: list[str], tests: list[str], seconds: float
-    ) -> tuple[dict[str, Any], str]:
-        """Run tests; return status and processor time, and the output."""
-        output = self._folder.with_name("output")
-        job = {
-            "arguments": ["-q", "-p", "no:cacheprovider", "--tb=no", *options, *tests],
-            "tests": tests,
-            "seconds": seconds,
-            "output": str(output),
-        }
-        assert self._runs.stdin is not None
-        assert self._runs.stdout is not None
-        self._runs.stdin.write(json.dumps(job) + "\n")
-        self._runs.stdin.flush()
-        result = json.loads(self._runs.stdout.readline())
-        return result, output.read_text(encoding="utf-8", errors="replace")
-
-    @contextmanager
-    def _injected(self, fault: Fault) -> Iterator[None]:
-        path = self._folder / fault.path
-        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-        assert lines[fault.line - 1].rstrip("\n") == fault.old, fault
-        lines[fault.line - 1] = fault.new + "\n"
-        path.write_text("".join(lines), encoding="utf-8")
-        try:
-            yield
-        finally:
-            self._restore()
-
-    def _restore(self) -> None:
-        """Restore all files: the module, and the code compiled from it."""
-        for path, stamp in list(self._files()):
-            if self._before.get(path) != stamp:
-                source = ROOT / path.relative_to(self._folder)
-                path.unlink()
-                if path in self._before:
-                    shutil.copy2(source, path)
-        for path in self._before:
-            if not path.exists():
-                shutil.copy2(ROOT / path.relative_to(self._folder), path)
-
-    def _files(self) -> Iterator[tuple[Path, tuple[int, int]]]:
-        for path in self._folder.rglob("*"):
-            if path.is_file():
-                of = path.stat()
-                yield path, (of.st_mtime_ns, of.st_size)
-
-
 # The section.
 
 
@@ -257,14 +131,14 @@ def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any
     others = [path for path in faults if path not in found]
     left = again + random.Random(SEED).sample(others, len(others))
     left = left[: math.ceil(share * len(left))]
-    copies: Queue[Copy] = Queue()
+    copies: Queue[ProjectCopy] = Queue()
     with (
         tempfile.TemporaryDirectory() as folder,
         ThreadPoolExecutor(jobs) as pool,
         progress("injected faults", len(left), "faults") as update,
     ):
         for number in range(jobs):
-            copies.put(Copy(Path(folder) / str(number) / "copy"))
+            copies.put(ProjectCopy(Path(folder) / str(number) / "copy"))
 
         def work(path: str) -> None:
             copy = copies.get()

@@ -141,13 +141,14 @@ def test_every_experiment_is_its_module(name: str) -> None:
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_the_page_in_docs_says_what_the_report_says(name: str) -> None:
-    result = json.loads((PAGE.parent / "experiments" / name / "result.json").read_text())
+    report = read_report(PAGE.parent / "experiments" / name)
     task, module = EXPERIMENTS[name].task, importlib.import_module(EXPERIMENTS[name].module)
     paper, title = (module.PAPERS.get(task, {}), PROBES[task].scene.title) if task else (
         module.PAPER, module.TITLE,
     )  # fmt: skip
-    assert result["paper"] == paper
-    report = Report(title=title, **result)
+    assert report.paper == paper
+    assert report.title == title
+    assert report.conditions == getattr(module, "CONDITIONS", {})
     row = next(line for line in index([report], "experiments").splitlines() if name in line)
     section = index([report], "experiments").split("## ")[1].split("![")[0].strip()
     page = PAGE.read_text()

@@ -17,10 +17,11 @@ from albot_core.mappers.slam.grid_slam import GridSlamConfig, move_and_weigh
 from albot_core.mappers.slam.particles import Particles
 from albot_core.maps.layers import OccupancyGridLayer, ParticlesLayer
 from albot_core.matching.scan_points import matched_points
-from tests.core.mappers.slam.rooms import scan_from
+from tests.core.mappers.slam.rooms import reading_from, scan_from
 from tests.core.mappers.slam.test_scan_matching import drive, lap
 
 NAMES = ("grid-slam", "gmapping")
+ERRORLESS = dict.fromkeys(("drift", "drift_by_turn", "twist", "twist_by_way"), 1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -48,6 +49,20 @@ def test_other_random_numbers_are_another_run(name):
         ways.append(mapper.corrected_poses())
     np.testing.assert_array_equal(ways[0], ways[1])
     assert (ways[0] != ways[2]).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("is_likelier", "survivors"), [(0.0, 8), (1e6, 1)])
+def test_particles_are_resampled_once_few_are_likely(name, is_likelier, survivors):
+    """By their effective number: one that is far likelier than the others replaces them all."""
+    mapper = make_mapper(name, config={"particles": 8, **ERRORLESS})
+    poses = lap()[:6]
+    drive(mapper, poses[:3], np.random.default_rng(0), 0.0, 0.0)
+    mapper._particles.log_weights[5] += is_likelier
+    mapper._particles._way[0][:, 0] = np.arange(8)  # By which each path is known.
+    for pose, motion in zip(poses[3:], relative(poses[2:-1], poses[3:]), strict=True):
+        mapper.update(reading_from(pose, motion))
+    assert len({mapper._particles.trajectory(k)[0, 0] for k in range(8)}) == survivors
 
 
 def _drawn(points: np.ndarray, deviations: np.ndarray, off: np.ndarray, **changed: float):

@@ -114,6 +114,13 @@ def test_each_is_drawn_as_often_as_its_weight_says(seed, shares):
     assert (drawn <= np.ceil(8 * weights + 1e-9)).all()
 
 
+def test_after_a_resampling_all_weigh_the_same():
+    particles = Particles(COUNT, CONFIG)
+    particles.log_weights[:] = np.log(np.arange(1.0, COUNT + 1))
+    particles.resample(particles.weights(), np.random.default_rng(0))
+    np.testing.assert_array_equal(particles.weights(), 1.0 / COUNT)
+
+
 def test_weights_sum_to_one_however_small_they_are():
     ours = Particles(3, CONFIG)
     ours.log_weights = np.array((-5000.0, -5000.0 + np.log(3.0), -9000.0))
