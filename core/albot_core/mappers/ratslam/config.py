@@ -186,10 +186,11 @@ class ExperienceConfig:
     experience far away."""
     min_revisit_distance: float = 3.0
     """An experience is recognised if the robot has driven this far since it was last there (m)."""
-    visits: int = 2
+    visits: int = 1
     """Number of visits in a row at which a scene that is known from elsewhere must be seen at a
-    place, until an experience is made there. False scenes are rarely seen so twice. 1: at once, as
-    in eq. (11)."""
+    known place, until an experience is made there. 1: at once, as in eq. (11). 2 for a camera whose
+    false scenes last for seconds: they are rarely seen so twice. Then the map also learns later
+    that two places truly share a scene."""
     confirmations: int = 3
     """Number of known experiences that must be entered after a re-localisation, without another
     one, before it is believed. Until then, transitions to known experiences wait; those of a false
