@@ -78,7 +78,9 @@ class SimulatorState(NamedTuple):
 
 
 _KEPT_OF_ROBOTS = ("targets", "wheels", "counts", "states", "poses", "touched")
-_KEPT_OF_SENSORS = ("keys", "readings", "motions", "true_ranges", "ranges", "echoes", "scenes")
+_KEPT_OF_SENSORS = (
+    "keys", "readings", "motions", "true_ranges", "ranges", "echoes", "scenes", "cameras",
+)  # fmt: skip
 """The arrays in a state. The others hold indices and ids, which differ between simulators."""
 
 

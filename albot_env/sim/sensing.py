@@ -29,7 +29,13 @@ from albot_env.sim.ray_casting import (
     measure_ranges,
     scan,
 )
-from albot_env.sim.scenes import SCENE_DRAWS, SceneConstants, recognise_scene
+from albot_env.sim.scenes import (
+    CAMERA_STATE,
+    SCENE_DRAWS,
+    SceneConstants,
+    recognise_scene,
+    start_camera,
+)
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.sonar import NO_SONARS, SonarConstants, sonar_wall_index
 from albot_env.sim.sonar_echoes import SonarBuffers, make_sonar_buffers
@@ -75,6 +81,7 @@ class SensorSuite:
             ranges=np.full((count, laser.geometry.beams), np.inf),
             echoes=np.full((count, len(self._constants.sonars.mounts)), np.inf),
             scenes=np.full(count, -1),
+            cameras=np.zeros((count, 0 if sensors.scenes is None else CAMERA_STATE), np.int64),
         )
         """The latest sensor outputs."""
         self._laser_index = laser_wall_index(laser.geometry)
@@ -94,6 +101,8 @@ class SensorSuite:
             self.outputs.buildings[other] = building
         self.outputs.keys[row] = key
         self.outputs.readings[row] = 0
+        if self._sensors.scenes is not None:
+            start_camera(self.outputs.cameras[row])
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
         """Return the latest readings with these stamps (s). The next `sense` overwrites them."""
@@ -211,6 +220,8 @@ class SensorOutputs(NamedTuple):
     """(n, sonars) float64: ranges of the sonars (m)."""
     scenes: np.ndarray
     """(n,) int64: scenes recognised by the cameras; -1 for none."""
+    cameras: np.ndarray
+    """(n, CAMERA_STATE) int64: states of the cameras; (n, 0) without cameras."""
 
 
 @KernelDispatcher
@@ -266,16 +277,20 @@ def _sense_all(
             scenes = _scene_constants(constants.scenes[outputs.buildings[i]])
             counter = CAMERA_COUNTER + reading * SCENE_DRAWS
             x, y, heading = poses[i]
-            outputs.scenes[i] = recognise_scene(x, y, heading, scenes, key, counter)
+            camera = outputs.cameras[i]
+            outputs.scenes[i] = recognise_scene(
+                x, y, heading, scenes, key, counter, reading, camera
+            )
 
 
 @kernel()
 def _scene_constants(fields: np.ndarray) -> SceneConstants:
     """Return the scene constants of one building from its row of `SensorConstants.scenes`."""
-    left, bottom, cell, columns, rows, sectors, scenes, stride, position, heading, missed, false = (
-        fields
-    )
+    (
+        left, bottom, cell, columns, rows, sectors, scenes, stride, position, heading,
+        missed, begins, shortest, longest, familiar,
+    ) = fields  # fmt: skip
     return SceneConstants(
         left, bottom, cell, int(columns), int(rows), int(sectors), int(scenes), int(stride),
-        position, heading, int(missed), int(false),
+        position, heading, int(missed), int(begins), int(shortest), int(longest), int(familiar),
     )  # fmt: skip

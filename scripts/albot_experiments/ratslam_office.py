@@ -13,7 +13,7 @@ from albot_experiments.ratslam_wandering import (
     figures,
     overlaps,
     picture,
-    seeds_short,
+    seeds_within,
     text,
 )
 from albot_experiments.report import Figures, Report, each_seed
@@ -22,6 +22,21 @@ ID = "ratslam-office"
 TITLE = "An open plan office (Milford et al. 2005, section 6, figure 13), simulated"
 OFFICE = Wandering(world="open-plan", tour="routes", minutes=15)
 PAPER = {"multiple_overlap": True}
+CONDITIONS = {
+    "environment": ("a real open plan office of 80 m²", f"simulated: `{OFFICE.world}`, 80 m²"),
+    "duration": ("15 min", f"{OFFICE.minutes} min"),
+    "speed": ("not given", f"{SPEED} m/s"),
+    "way": (
+        "an exploration algorithm that tries every possible route",
+        "a tour round every cloister, then shortest ways between random waypoints",
+    ),
+    "sensors": (
+        "a camera of 50° and wheel encoders on a Pioneer 2DXE, 7 Hz",
+        "scenes `paper`: 1 m and 45° each, two views a number, 5 % missed, 0.5 % false; 10 Hz",
+    ),
+    "errors": ("those of the real robot", "odometer `pioneer`"),
+    "trials": ("one run shown", "one run a seed"),
+}
 POSITION_OR_HEADING = replace(
     CORRECTED, experiences=replace(CORRECTED.experiences, position_or_heading=True)
 )
@@ -52,8 +67,9 @@ def report(seeds: range, runs: Sequence[Run], either: Sequence[float] = ()) -> R
         id=ID,
         title=TITLE,
         paper=PAPER,
-        measured={"multiple_overlap": overlap} | measured | seeds_short(seeds, runs),
+        measured={"multiple_overlap": overlap} | measured | seeds_within(seeds, runs),
         holds=overlap,
+        conditions=CONDITIONS,
         text=_TEXT + text(),
         pictures={"maps": picture(runs[0], OFFICE.world, (11.0, 5.0))},
     )

@@ -45,6 +45,21 @@ def test_a_map_that_lays_the_way_back_elsewhere_is_seen():
     assert run.revisits_within_a_metre < 0.5
 
 
+def test_the_verdict_goes_by_seeds_not_by_medians():
+    """Of 20 seeds 17 must keep within every bound; good and bad bounds may fall on others."""
+    good, wide = there_and_back(), there_and_back()
+    poses = wide.mapper.experiences.poses
+    poses[np.abs(poses[:, 2]) > np.pi / 2, 1] += 3.0
+    enough = [good] * 17 + [wide] * 3
+    short = [good] * 16 + [wide] * 4
+    for runs, holds in ((enough, True), (short, False)):
+        report = ratslam_office.report(range(20), runs)
+        assert report.holds == report.measured["multiple_overlap"] == holds
+        assert report.measured["within_a_metre"] == 1.0
+        assert report.measured["seeds_within_every_bound"] == runs.count(good)
+        assert ratslam_floor.report(range(20), runs).holds == holds
+
+
 @pytest.mark.parametrize(("world", "tour"), [("office-floor", "floor"), ("open-plan", "routes")])
 def test_a_robot_wanders_on_after_the_tour(world: str, tour: str):
     floor = load_world(world)

@@ -17,7 +17,7 @@ from albot_core.plain_data import Location, changed_fields
 from albot_core.yaml_document import YamlDocument
 
 FORMAT = "albot-map"
-VERSION = 10
+VERSION = 11
 
 _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 28)
 

@@ -48,7 +48,7 @@ def test_the_file_is_plain_numpy_and_json(tmp_path):
         header = json.loads(archive.read("header.json"))
         # No clock in the file.
         assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    expected = {"format": "albot-map", "version": 10, "mapper": "odometry", "config": "{}\n"}
+    expected = {"format": "albot-map", "version": 11, "mapper": "odometry", "config": "{}\n"}
     assert header == expected
     with np.load(path, allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["surfaces"], mapper.snapshot().segments)
@@ -137,7 +137,7 @@ def npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
         ({"header": b"[]"}, "header.json: expected a header"),
         ({"header": b"\xff\xfe"}, "header.json: expected valid JSON"),
         ({"header": header(format="other")}, "header.json: expected a header"),
-        ({"header": header(version=1)}, "expected version 10 of the format, found 1"),
+        ({"header": header(version=1)}, "expected version 11 of the format, found 1"),
         (
             {"header": header(mapper="gone")},
             r"expected a mapper, one of .*found 'gone' \(one from outside is known once its module",

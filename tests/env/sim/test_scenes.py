@@ -12,12 +12,14 @@ from scipy.stats import norm
 from albot_core.errors import InputError
 from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.scenes import (
+    CAMERA_STATE,
     SCENE_DRAWS,
     SCENES,
     SceneConfig,
     SceneConstants,
     recognise_scene,
     scene_at,
+    start_camera,
 )
 from albot_env.sim.sensing import CAMERA_COUNTER
 from albot_env.sim.sensors import choose_sensors
@@ -29,7 +31,16 @@ KEY = np.uint64(11)
 
 
 def looks(scenes: SceneConstants, count: int, pose: tuple[float, float, float]) -> np.ndarray:
-    return np.array([recognise_scene(*pose, scenes, KEY, k * SCENE_DRAWS) for k in range(count)])
+    camera = started_camera()
+    return np.array(
+        [recognise_scene(*pose, scenes, KEY, k * SCENE_DRAWS, k, camera) for k in range(count)]
+    )
+
+
+def started_camera() -> np.ndarray:
+    camera = np.zeros(CAMERA_STATE, np.int64)
+    start_camera(camera)
+    return camera
 
 
 def all_views(scenes: SceneConstants) -> list[int]:
@@ -89,7 +100,10 @@ def test_no_two_parts_of_the_world_look_alike(sharing: int) -> None:
 def test_the_numbers_are_the_world_s_not_the_run_s() -> None:
     scenes = SCENES["ideal"].constants(BOUNDS)
     for pose in ((0.3, 2.2, 0.5), (3.3, 4.9, -2.0)):
-        seen = {recognise_scene(*pose, scenes, np.uint64(key), 6 * key) for key in range(50)}
+        seen = {
+            recognise_scene(*pose, scenes, np.uint64(key), 6 * key, 0, started_camera())
+            for key in range(50)
+        }
         assert seen == {scene_at(*pose, scenes)}
 
 
@@ -129,6 +143,63 @@ def test_mistakes_come_at_random_times() -> None:
     assert abs(np.corrcoef(wrong[1:], wrong[:-1])[0, 1]) < 0.06
 
 
+def runs_of(flags: np.ndarray) -> np.ndarray:
+    """The lengths of the runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(int)))
+    return edges[1::2] - edges[::2]
+
+
+def test_false_scenes_last_as_long_as_asked_for_at_the_same_share() -> None:
+    config = SceneConfig(false_rate=0.1, false_shortest=1.0, false_longest=3.0)
+    scenes = config.constants((0.0, 0.0, 40.0, 40.0))
+    pose = (2.5, 2.5, 0.4)
+    seen = looks(scenes, 60_000, pose)
+    is_false = seen != scene_at(*pose, scenes)
+    # Some 300 durations of 20 readings in the mean: the share has a deviation of 0.006.
+    assert is_false.mean() == pytest.approx(0.1, abs=0.02)
+    edges = np.flatnonzero(np.diff(seen, prepend=-2, append=-2))
+    durations = np.diff(edges)[is_false[edges[:-1]]]
+    assert durations.min() == 10 and durations.max() == 30
+    assert durations.mean() == pytest.approx(20.0, abs=1.5)
+    assert (runs_of(is_false) >= 10).all()
+
+
+def test_a_false_scene_may_be_missed_and_still_lasts() -> None:
+    config = SceneConfig(missed_rate=0.3, false_rate=0.5, false_shortest=2.0, false_longest=2.0)
+    scenes = config.constants((0.0, 0.0, 40.0, 40.0))
+    seen = looks(scenes, 6000, (2.5, 2.5, 0.4))
+    assert (seen == -1).mean() == pytest.approx(0.3, abs=0.03)
+    true = scene_at(2.5, 2.5, 0.4, scenes)
+    numbers = seen[(seen != -1) & (seen != true)]
+    assert np.median(runs_of(np.diff(numbers, prepend=-2) == 0)) > 5
+
+
+def test_familiar_scenes_are_those_passed_evenly_over_the_past() -> None:
+    """A robot passes scene after scene; what it falsely recognises lies behind it."""
+    config = SceneConfig(sectors=1, false_rate=0.3, familiar=True)
+    scenes = config.constants((0.0, 0.0, 2000.0, 1.0))
+    camera, count = started_camera(), 20_000
+    true = np.arange(count) // 10
+    seen = np.array(
+        [
+            recognise_scene(x + 0.5, 0.5, 0.0, scenes, KEY, k * SCENE_DRAWS, k, camera)
+            for k, x in enumerate(true)
+        ]
+    )
+    is_false = seen != true
+    assert is_false.mean() == pytest.approx(0.3, abs=0.02)
+    assert (seen[is_false] < true[is_false]).all()
+    ages = (seen[is_false] / true[is_false])[true[is_false] > 100]
+    assert np.histogram(ages, 4, (0, 1))[0] == pytest.approx([len(ages) / 4] * 4, rel=0.12)
+
+
+def test_nothing_is_familiar_at_the_first_look() -> None:
+    scenes = SceneConfig(false_rate=1.0, familiar=True).constants(BOUNDS)
+    pose, camera = (0.3, 2.2, 0.5), started_camera()
+    first = recognise_scene(*pose, scenes, KEY, 0, 0, camera)
+    assert first == scene_at(*pose, scenes)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_presets_number_the_paper_s_floor(name: str) -> None:
     scenes = SCENES[name].constants((0.0, 0.0, 43.0, 13.0))
@@ -145,6 +216,11 @@ def test_impossible_scenes_are_refused(field: str, value: float) -> None:
         SceneConfig(**{field: value})
 
 
+def test_false_scenes_do_not_end_before_they_may() -> None:
+    with pytest.raises(InputError, match=r"SceneConfig.false_longest: expected at least"):
+        SceneConfig(false_shortest=2.0, false_longest=1.0)
+
+
 def test_each_look_of_a_robot_draws_numbers_of_its_own() -> None:
     """Those of one look after another would make the mistakes of a look follow from the last's."""
     world = load_world("square-loop")
@@ -153,10 +229,12 @@ def test_each_look_of_a_robot_draws_numbers_of_its_own() -> None:
     reading = simulator.reset(np.random.default_rng(4))
     constants = SCENES["ambiguous"].constants(world.bounds)
     key = np.uint64(draw_key(np.random.default_rng(4)))
+    camera = started_camera()
     seen, expected = [], []
     for number in range(40):
         seen.append(-1 if reading.scene is None else reading.scene)
         counter = CAMERA_COUNTER + number * SCENE_DRAWS
-        expected.append(recognise_scene(*simulator.pose, constants, key, counter))
+        pose = simulator.pose
+        expected.append(recognise_scene(*pose, constants, key, counter, number, camera))
         reading = simulator.step(0.0, 0.5)
     assert seen == expected

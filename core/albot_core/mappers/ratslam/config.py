@@ -186,6 +186,11 @@ class ExperienceConfig:
     experience far away."""
     min_revisit_distance: float = 3.0
     """An experience is recognised if the robot has driven this far since it was last there (m)."""
+    visits: int = 1
+    """Number of visits in a row at which a scene that is known from elsewhere must be seen at a
+    known place, until an experience is made there. 1: at once, as in eq. (11). 2 for a camera whose
+    false scenes last for seconds: they are rarely seen so twice. Then the map also learns later
+    that two places truly share a scene."""
     confirmations: int = 3
     """Number of known experiences that must be entered after a re-localisation, without another
     one, before it is believed. Until then, transitions to known experiences wait; those of a false
@@ -206,6 +211,7 @@ class ExperienceConfig:
         check_fields(self, NOT_NEGATIVE, "min_revisit_distance", "spacing")
         check_fields(self, SHARE, "min_score", "smoothing")
         check_fields(self, COUNT, "confirmations")
+        check_fields(self, FROM_ONE, "visits")
 
 
 @dataclass(frozen=True, kw_only=True)

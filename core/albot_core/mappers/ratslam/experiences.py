@@ -99,6 +99,11 @@ class ExperienceMap(Stored):
         """Poses of the experiences in the map, headings unwrapped (a view)."""
         return self.experiences.rows("pose")
 
+    def knows(self, view: int) -> bool:
+        """Return whether a view has an experience."""
+        heads = self._last_of_view
+        return 0 <= view < heads.count - 1 and bool(heads["experience"][view + 1] >= 0)
+
     def active(self, view: int, packet: Packet) -> int:
         """Return the experience with the most energy; -1 if none has any (eq. 10)."""
         if view + 1 >= self._last_of_view.count:

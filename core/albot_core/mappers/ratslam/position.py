@@ -12,6 +12,7 @@ import numpy as np
 
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.experiences import SCENE_TURN, ExperienceMap
@@ -121,6 +122,12 @@ class Position(Stored):
         if self.place < 0:
             return np.zeros(3)
         return compose(self.map.poses[self.place], np.array(self.here))
+
+    @property
+    def is_novel(self) -> bool:
+        """Whether the map has no experience in whose zone the robot is believed to be."""
+        config, believed = self._config.experiences, motion_of(self.believed.tolist())
+        return not is_any_near(self.map.poses, believed, (config.radius, config.turn))
 
     def add(self, view: int, packet: Packet) -> int:
         """Make an experience at the robot's pose, by odometry alone if one is pending."""
@@ -266,3 +273,17 @@ class Position(Stored):
 
     def _restored(self, state: Arrays) -> None:
         self.reading = len(state["history.place"])
+
+
+@kernel()
+def is_any_near(
+    poses: np.ndarray, pose: tuple[float, float, float], zone: tuple[float, float]
+) -> bool:
+    """Return whether any of the poses is in the zone of a pose (m, rad)."""
+    for k in range(poses.shape[0]):
+        x, y = poses[k, 0] - pose[0], poses[k, 1] - pose[1]
+        if x * x + y * y <= zone[0] * zone[0]:
+            turn = (poses[k, 2] - pose[2] + math.pi) % (2.0 * math.pi) - math.pi
+            if abs(turn) <= zone[1]:
+                return True
+    return False

@@ -19,6 +19,7 @@ from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of,
 from albot_core.mappers.ratslam.panoramas import Panoramas, ViewMatch
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
+from albot_core.mappers.ratslam.tentative import Tentative
 from albot_core.mappers.schema import Field, Schema
 from albot_core.mappers.stored import Stored
 from albot_core.sensing.reading import LaserScan, Reading
@@ -56,18 +57,20 @@ class SceneInput(Stored):
         position: The robot in the experience map.
     """
 
-    SCHEMA = Schema(Field("scenes.since_onset", "3"), parts=("_scenes",))
+    SCHEMA = Schema(Field("scenes.since_onset", "3"), parts=("_scenes", "_tentative"))
 
     def __init__(
         self, config: RatSlamConfig, cells: PoseCells, links: Links, position: Position
     ) -> None:
         self._config, self._cells, self._links, self._position = config, cells, links, position
         self._scenes = Scenes(config.views)
+        self._tentative = Tentative(config.experiences, config.pose_cells)
         self.reset()
 
     def reset(self) -> None:
         """Forget all scenes."""
         self._scenes.reset()
+        self._tentative.reset()
         self._seen = NO_VIEW
         self._comes_into_sight = False
         self._since_onset: Motion = (0.0, 0.0, 0.0)  # Motion since the view came into sight.
@@ -85,7 +88,10 @@ class SceneInput(Stored):
             return np.zeros(0, np.int64), np.zeros(0)
         active = links.activate(position.view, position.iteration)
         if is_new:
-            links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
+            if self._is_elsewhere():
+                self._tentative.see(position.view, cells.packet)
+            if not self._is_unconfirmed():
+                links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
             self._since_onset = (0.0, 0.0, 0.0)
         linked, amounts = links.injection(position.view, active)
         # Links lead to where the view came into sight, and the robot has moved on since. The
@@ -93,14 +99,32 @@ class SceneInput(Stored):
         there, self._since_onset = self._since_onset, after(self._since_onset, position.since)
         return cells.moved(linked, there), amounts
 
+    def _is_elsewhere(self) -> bool:
+        """Return whether the view is known from elsewhere only, and the place by other views."""
+        position = self._position
+        is_known = position.map.knows(position.view)
+        is_active = is_known and position.map.active(position.view, self._cells.packet) >= 0
+        return is_known and not is_active and not position.is_novel
+
+    def _is_unconfirmed(self) -> bool:
+        """Return whether the view is known from elsewhere only, and may be false here."""
+        view, packet = self._position.view, self._cells.packet
+        return self._is_elsewhere() and not self._tentative.is_confirmed(view, packet)
+
     def experience(self) -> None:
-        """Find the active experience of the scene, or make one, and learn the transition to it."""
+        """Find the active experience of the scene, or make one, and learn the transition to it.
+
+        If the scene is known from elsewhere only, the robot stays in the present experience.
+        """
         position = self._position
         packet, place, view = self._cells.packet, position.place, position.view
+        self._tentative.move(packet)
         found = position.map.active(view, packet)
         table = position.map.experiences
         if found == place and found >= 0:
             table["way"][found] = position.way
+        elif self._is_unconfirmed():
+            return
         # Without a view, experiences that share pose cells cannot be told apart.
         elif found < 0 or view == NO_VIEW:
             position.enter(position.add(view, packet), (0.0, 0.0, 0.0), is_new=True)

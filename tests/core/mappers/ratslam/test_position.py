@@ -153,3 +153,15 @@ def test_it_is_restored():
 def test_a_smoothing_beyond_one_is_refused():
     with pytest.raises(InputError, match=r"ExperienceConfig\.smoothing"):
         ExperienceConfig(smoothing=1.5)
+
+
+def test_a_part_without_experiences_is_novel():
+    """So is one where they all face elsewhere; whole turns do not matter."""
+    position = between_two(0.25)
+    zone = RatSlamConfig.scenes().experiences
+    position.here = (0.9 * zone.radius, 0.0, 2 * np.pi + 0.9 * zone.turn)
+    assert not position.is_novel
+    position.here = (0.0, 1.1 * zone.radius, 0.0)
+    assert position.is_novel
+    position.here = (0.0, 0.0, -1.1 * zone.turn)
+    assert position.is_novel
