@@ -68,12 +68,14 @@ def test_a_gap_in_which_the_robot_stands_bounds_the_space_without_nan():
 HOUSE = np.array([*OUTSIDE, *doorway(2.0, 1.0)], float)
 
 
-def drive(seed: int, steps: int = 400) -> tuple[np.ndarray, np.ndarray]:
+def drive(
+    seed: int, steps: int = 400, config: MinimalSpaceConfig | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """The poses of an ideal robot that does as it is told, in the house of two rooms.
 
     Beside them the number of the move of which each step is a part.
     """
-    explorer = MinimalSpaceExplorer()
+    explorer = MinimalSpaceExplorer(config or MinimalSpaceConfig())
     explorer.reset(np.random.default_rng(seed))
     poses = [np.array((-1.013, -1.027, 0.5))]
     motion, moves = np.zeros(3), []
@@ -122,6 +124,17 @@ def test_a_move_is_3_m_or_30_degrees_at_most(driven_moves):
     turned = [abs(turns[moves == move].sum()) for move in np.unique(moves)]
     assert 2.5 < max(ways) < 3.0 + 0.1  # It may go on for one step.
     assert np.radians(25.0) < max(turned) < np.radians(30.0 + 2.0 + 6.0)
+
+
+def test_a_straight_move_ends_after_its_longest_drive():
+    poses, moves = drive(0, 120, MinimalSpaceConfig(drive=1.0))
+    way = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    assert 0.9 < max(way[moves == move].sum() for move in np.unique(moves)) < 1.1
+
+
+def test_the_longest_drive_turn_and_gap_are_those_of_the_paper():
+    config = MinimalSpaceConfig()
+    assert (config.drive, config.turn, config.gap_width) == (3.0, np.radians(30.0), 0.6)
 
 
 def test_it_is_the_same_with_the_same_seed(driven):
