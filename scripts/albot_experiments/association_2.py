@@ -9,12 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_core.drawing.labels import Label, place_labels
+from albot_core.drawing.palette import FREE
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mappers.registry import make_mapper
-from albot_core.planning.minimal_space_explorer import MinimalSpaceExplorer
+from albot_core.planning.gap_explorer import Gap
+from albot_core.planning.minimal_space_explorer import (
+    MinimalSpaceExplorer,
+    minimal_space,
+    space_outline,
+)
 from albot_core.planning.percept import Percept
+from albot_core.sensing.reading import Reading
 from albot_env.sim.laser import LASERS
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.sensors import Sensors
@@ -181,8 +188,9 @@ seen from all sides. The shape is kept where the path error is {LARGEST_PATH_ERR
 The first picture shows the paper's figures 4 to 6 by `association-paper`, at a straight move of
 about 2 m: the map after the first view with its IDs; the frame of reference with the previous view
 and the current one, where U marks surfaces that are no landmarks; and the map after the new
-surfaces were transferred by their nearest landmarks. The second shows the way, and the map of each
-mapper at the end.
+surfaces were transferred by their nearest landmarks. Beside them is the minimal bounded space at
+that stop, with the gaps that bound it and those that they cover. The second shows the way, and the
+map of each mapper at the end.
 """
 
 
@@ -202,8 +210,8 @@ def _picture_of_steps(wandering: Wandering) -> Figure:
         is_straight = _FORWARD[0] <= np.hypot(*motion[:2]) <= _FORWARD[1] and abs(motion[2]) < 0.2
         if is_straight and is_new.any():
             break
-    figure = Figure(figsize=(18, 7), layout="constrained")
-    one, two, three = figure.subplots(1, 3)
+    figure = Figure(figsize=(16, 14), layout="constrained")
+    (one, two), (three, four) = figure.subplots(2, 2)
     _draw_numbered(one, first, [str(k) for k in range(len(first))], SURFACE, "map")
     one.set_title("the map after the first view")
     previous = transform_segments(inverse(motion), before["view.surfaces"])
@@ -220,8 +228,37 @@ def _picture_of_steps(wandering: Wandering) -> Figure:
     _draw_numbered(three, surfaces[known:], numbers, MARK, "transferred")
     three.plot(*after["pose"][:2], "o", color=PATH, ls="none", label="robot")
     three.set_title("the map after the transfer")
+    _draw_space(four, reading, after["view.surfaces"])
     finish_maps(figure)
     return figure
+
+
+def _draw_space(axes: Axes, reading: Reading, surfaces: Segments) -> None:
+    """Draw the minimal bounded space at a stop, the gaps that bound it, and those that they cover.
+
+    All is in the robot's frame.
+    """
+    scan = reading.required_laser(ID)
+    ranges = np.minimum(scan.ranges, scan.geometry.max_range)
+    points = ranges[:, None] * scan.geometry.directions + scan.geometry.mount[:2]
+    seen = MinimalSpaceExplorer().gaps_in_view(points)
+    bounds = minimal_space(seen)
+    covered = [gap for gap in seen if not any(gap is bound for bound in bounds)]
+    axes.fill(*space_outline(points, bounds).T, color=FREE, label="minimal bounded space")
+    draw_floor(axes, surfaces, SURFACE, 1.4, "surfaces")
+    draw_floor(axes, _across(bounds), MARK, 2.5, "gaps that bound it")
+    draw_floor(axes, _across(covered), PATH, 1.0, "covered gaps")
+    axes.plot(0.0, 0.0, "o", color=PATH, ls="none")
+    axes.set_title("the minimal bounded space, in the robot's frame")
+
+
+def _across(gaps: Sequence[Gap]) -> Segments:
+    """Return the straight line across each gap (m)."""
+    lines = np.zeros((len(gaps), 4))
+    for line, gap in zip(lines, gaps, strict=True):
+        half = 0.5 * gap.width * np.array((-gap.outward[1], gap.outward[0]))
+        line[:2], line[2:] = gap.centre - half, gap.centre + half
+    return lines
 
 
 def _draw_numbered(

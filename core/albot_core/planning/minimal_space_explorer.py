@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from albot_core.geometry.poses import inverse, transform_points
+from albot_core.geometry.types import Points
 from albot_core.planning.gap_explorer import Gap, find_gaps
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command, SteeringConfig, admissible_command, steer
@@ -85,6 +86,17 @@ class MinimalSpaceExplorer:
             wanted = steer(percept.points, self._target, self._config.steering)
         return admissible_command(wanted, percept.points, percept.motion, self._config.steering)
 
+    def gaps_in_view(self, points: Points) -> list[Gap]:
+        """Return the gaps wide enough for the robot, the paper's step (b).
+
+        The paper's gaps lie between two adjacent surfaces; here they are jumps of the range.
+
+        Args:
+            points: (beams, 2) end points of the beams (m, robot's frame).
+        """
+        narrowest = max(self._config.gap_width, 2 * self._config.steering.radius)
+        return find_gaps(points, narrowest=narrowest, reach=self._REACH)
+
     def _note_motion(self, percept: Percept) -> None:
         """Subtract the last step from the current move; end the move if it is complete."""
         motion = percept.motion
@@ -114,8 +126,7 @@ class MinimalSpaceExplorer:
         """
         self.moves += 1
         config = self._config
-        narrowest = max(config.gap_width, 2 * config.steering.radius)
-        seen = find_gaps(percept.points, narrowest=narrowest, reach=self._REACH)
+        seen = self.gaps_in_view(percept.points)
         # Leave out a gap in which the robot already stands.
         gaps = [gap for gap in minimal_space(seen) if np.hypot(*gap.centre) > 2 * self._ARRIVED]
         if gaps and self._steps_without_progress < self._BLOCKED_STEPS:
@@ -141,6 +152,31 @@ def minimal_space(gaps: Sequence[Gap]) -> list[Gap]:
     the straight line to the other's centre counts.
     """
     return [gap for gap in gaps if not any(_covers(other, gap) for other in gaps)]
+
+
+def space_outline(points: Points, gaps: Sequence[Gap]) -> Points:
+    """Return the outline of the minimal bounded space.
+
+    It is where the straight line from the robot to the end of each beam first crosses a gap, or
+    that end. The paper names the space, and leaves its computation to another paper; this is ours.
+
+    Args:
+        points: (beams, 2) end points of the beams (m, robot's frame).
+        gaps: The gaps that bound the space (see `minimal_space`).
+
+    Returns:
+        (beams, 2) the outline, in the order of the beams (m, robot's frame).
+    """
+    outline = np.array(points, float)
+    for gap in gaps:
+        away, towards = float(gap.centre @ gap.outward), outline @ gap.outward
+        is_beyond = towards > max(away, 0.0)
+        share = np.divide(away, towards, out=np.ones_like(towards), where=is_beyond)
+        met = share[:, None] * outline
+        aside = np.hypot(*(met - gap.centre).T)
+        is_cut = is_beyond & (aside <= gap.width / 2)
+        outline[is_cut] = met[is_cut]
+    return outline
 
 
 def _covers(gap: Gap, other: Gap) -> bool:

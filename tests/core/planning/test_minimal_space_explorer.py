@@ -12,6 +12,7 @@ from albot_core.planning.minimal_space_explorer import (
     MinimalSpaceConfig,
     MinimalSpaceExplorer,
     minimal_space,
+    space_outline,
 )
 from albot_core.planning.percept import Percept
 from tests.core.scenes import OUTSIDE, doorway, scan_from
@@ -39,15 +40,45 @@ def test_the_way_past_the_end_of_a_gap_does_not_cross_it():
     assert minimal_space([gap(3, 0, 0, width=1.5), far])[1:] == []
 
 
+def test_the_minimal_bounded_space_ends_at_its_gaps_and_at_the_walls():
+    # A wall at x = 5 is seen through a gap at x = 3, 1 m wide; beside it the wall is nearer.
+    points = np.array([(2.9, -2.0), (5.0, -0.5), (5.0, 0.0), (5.0, 0.8), (5.0, 0.9), (-4.0, 0.0)])
+    expected = points.copy()
+    expected[1:4] *= 3.0 / 5.0
+    np.testing.assert_allclose(space_outline(points, [gap(3, 0, 0)]), expected, atol=1e-12)
+
+
+def test_without_gaps_the_minimal_bounded_space_is_all_that_is_seen():
+    points = np.array([(2.0, -1.0), (3.0, 0.0), (2.0, 1.0)])
+    np.testing.assert_array_equal(space_outline(points, []), points)
+
+
+def test_of_two_gaps_on_a_beam_the_nearer_one_bounds_the_space():
+    points = np.array([(8.0, 0.0), (0.0, 1.0)])
+    for gaps in ([gap(3, 0, 0), gap(6, 0, 0)], [gap(6, 0, 0), gap(3, 0, 0)]):
+        np.testing.assert_allclose(space_outline(points, gaps), [(3.0, 0.0), (0.0, 1.0)])
+
+
+def test_a_gap_in_which_the_robot_stands_bounds_the_space_without_nan():
+    points = np.array([(4.0, 0.0), (-2.0, 0.0), (0.0, 3.0)])
+    outline = space_outline(points, [gap(0, 0, 0)])
+    np.testing.assert_array_equal(outline, [(0.0, 0.0), (-2.0, 0.0), (0.0, 3.0)])
+
+
 HOUSE = np.array([*OUTSIDE, *doorway(2.0, 1.0)], float)
 
 
-def drive(seed: int, steps: int = 400) -> np.ndarray:
-    """The poses of an ideal robot that does as it is told, in the house of two rooms."""
-    explorer = MinimalSpaceExplorer()
+def drive(
+    seed: int, steps: int = 400, config: MinimalSpaceConfig | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The poses of an ideal robot that does as it is told, in the house of two rooms.
+
+    Beside them the number of the move of which each step is a part.
+    """
+    explorer = MinimalSpaceExplorer(config or MinimalSpaceConfig())
     explorer.reset(np.random.default_rng(seed))
     poses = [np.array((-1.013, -1.027, 0.5))]
-    motion = np.zeros(3)
+    motion, moves = np.zeros(3), []
     for _ in range(steps):
         scan = scan_from(poses[-1], HOUSE)
         percept = Percept(
@@ -59,12 +90,18 @@ def drive(seed: int, steps: int = 400) -> np.ndarray:
         speed, rate = explorer.command(percept)
         motion = np.array((0.1 * speed, 0.0, 0.1 * rate))
         poses.append(compose(poses[-1], motion))
-    return np.array(poses)
+        moves.append(explorer.moves)
+    return np.array(poses), np.array(moves)
 
 
 @pytest.fixture(scope="module")
-def driven() -> np.ndarray:
+def driven_moves() -> tuple[np.ndarray, np.ndarray]:
     return drive(0)
+
+
+@pytest.fixture(scope="module")
+def driven(driven_moves) -> np.ndarray:
+    return driven_moves[0]
 
 
 def test_it_goes_through_the_doorway(driven):
@@ -79,18 +116,30 @@ def test_it_touches_nothing(driven):
     assert np.hypot(*np.moveaxis(to - share[..., None] * along, -1, 0)).min() > 0.2
 
 
-def test_it_drives_3_m_at_a_time_at_most(driven):
-    steps = np.diff(driven, axis=0)
-    way, turns = np.hypot(*steps[:, :2].T), np.abs(steps[:, 2])
-    on_the_spot = (way < 0.005) & (turns > 1e-6)
-    runs = np.split(np.arange(len(steps)), np.flatnonzero(np.diff(on_the_spot.astype(int))) + 1)
-    driving = [way[run].sum() for run in runs if not on_the_spot[run[0]]]
-    assert max(driving) < 3.0 + 0.5
+def test_a_move_is_3_m_or_30_degrees_at_most(driven_moves):
+    poses, moves = driven_moves
+    way = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    turns = np.diff(np.unwrap(poses[:, 2]))
+    ways = [way[moves == move].sum() for move in np.unique(moves)]
+    turned = [abs(turns[moves == move].sum()) for move in np.unique(moves)]
+    assert 2.5 < max(ways) < 3.0 + 0.1  # It may go on for one step.
+    assert np.radians(25.0) < max(turned) < np.radians(30.0 + 2.0 + 6.0)
+
+
+def test_a_straight_move_ends_after_its_longest_drive():
+    poses, moves = drive(0, 120, MinimalSpaceConfig(drive=1.0))
+    way = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    assert 0.9 < max(way[moves == move].sum() for move in np.unique(moves)) < 1.1
+
+
+def test_the_longest_drive_turn_and_gap_are_those_of_the_paper():
+    config = MinimalSpaceConfig()
+    assert (config.drive, config.turn, config.gap_width) == (3.0, np.radians(30.0), 0.6)
 
 
 def test_it_is_the_same_with_the_same_seed(driven):
-    np.testing.assert_array_equal(drive(0, 60), driven[:61])
-    assert not np.array_equal(drive(1, 300), driven[:301])
+    np.testing.assert_array_equal(drive(0, 60)[0], driven[:61])
+    assert not np.array_equal(drive(1, 300)[0], driven[:301])
 
 
 @pytest.mark.parametrize("name", ["gap_width", "turn", "drive", "nearest"])
