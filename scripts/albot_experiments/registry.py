@@ -68,13 +68,13 @@ EXPERIMENTS = {
         Experiment(
             id="albot0-1",
             title="Albot0's way home by ASR lengths and turns (Schmidt et al.)",
-            seeds=10,
+            seeds=20,
             module="albot_experiments.albot0_return",
         ),
         Experiment(
             id="albot0-2",
             title="Albot0's ASRs of a room larger than its sonars reach (Schmidt et al.)",
-            seeds=10,
+            seeds=20,
             module="albot_experiments.albot0_hall",
         ),
         Experiment(
@@ -86,7 +86,7 @@ EXPERIMENTS = {
         Experiment(
             id="albot0-lost-frame",
             title="Albot0 comes home in another frame than that of its way out (Schmidt et al.)",
-            seeds=10,
+            seeds=20,
             module="albot_experiments.albot0_lost_frame",
         ),
         Experiment(
