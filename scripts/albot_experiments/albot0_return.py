@@ -9,7 +9,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from albot_env.sim.sonar import SONARS
-from albot_experiments.albot0_runs import BORDER, CUES, Stop, Tracked
+from albot_experiments.albot0_runs import BORDER, MAPPERS, SONAR_CONDITIONS, Stop, Tracked
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import TourRecord, driven_tour
 from albot_maps import Room, World, load_world
@@ -32,8 +32,11 @@ LEG, NEAR = 6.0, 2.0
 ASR ends within NEAR of where the way leads from one into the other (m)."""
 PAPER = {"large_room_one_asr": 1.0, "home_believed": 0.7}
 """Results of the paper's two experiments and of the thesis (Hossain 2014, section 2.3.4)."""
-ASKED = {"large_room_one_asr": 0.9, "right_or_border": 0.9, "home_believed": 0.9}
-"""The figures that `albot0` must reach with its defaults."""
+ASKED = {
+    "albot0-paper": {"large_room_one_asr": 0.9, "right_or_border": 0.7, "home_believed": 0.7},
+    "albot0": {"large_room_one_asr": 0.9, "right_or_border": 0.9, "home_believed": 0.9},
+}
+"""The figures that each mapper must reach: the letter those of its paper and of the thesis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +44,7 @@ class Outcome:
     """The outcome of a way home."""
 
     stops: Mapping[str, tuple[Stop, ...]]
-    """The beliefs at every stop, by the names of `CUES`."""
+    """The beliefs at every stop, by the choice of cues."""
     asrs: int
     """Number of ASRs of the way out."""
     is_whole: bool | None
@@ -58,22 +61,23 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     """
     building = load_world(BUILDING)
     tour = building.tours[TOUR]
-    outcomes: dict[str, list[Outcome]] = {}
+    outcomes: dict[str, dict[str, list[Outcome]]] = {mapper: {} for mapper in MAPPERS}
     for seed in each_seed(seeds, progress):
         office = load_world(OFFICE.format(seed=seed))
         ways = {
             BUILDING: (building, tour[: round(PART * len(tour))]),
-            "random offices": (office, _way_across(office, seed)),
+            "random offices": (office, way_across(office, seed)),
         }
         for where, (world, way) in ways.items():
             for hearing, sonar in HEARING.items():
                 journey, turned = drive(world, way, sonar, seed)
-                runs = outcomes.setdefault(f"{where}, {hearing}", [])
-                runs.append(follow(world, journey, turned))
+                for mapper, groups in outcomes.items():
+                    runs = groups.setdefault(f"{where}, {hearing}", [])
+                    runs.append(follow(world, journey, turned, mapper))
     return _report(seeds, outcomes)
 
 
-def _way_across(world: World, seed: int) -> np.ndarray:
+def way_across(world: World, seed: int) -> np.ndarray:
     """Return the way from a room drawn at random to the one farthest from it."""
     rooms = [room.name for room in world.reachable_rooms]
     home = rooms.pop(int(np.random.default_rng(seed).integers(len(rooms))))
@@ -93,9 +97,9 @@ def drive(world: World, way: np.ndarray, sonar: str, seed: int) -> tuple[TourRec
     return journey, int(about[away.argmin()])
 
 
-def follow(world: World, journey: TourRecord, turned: int) -> Outcome:
+def follow(world: World, journey: TourRecord, turned: int, mapper: str) -> Outcome:
     """Lead a mapper out and, after telling it to return, home; return the outcome."""
-    truth, robot = journey.truth[:, :2], Tracked()
+    truth, robot = journey.truth[:, :2], Tracked(mapper)
     robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
     for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
         robot.go_home(reading, place)
@@ -157,31 +161,49 @@ def _area(corners: np.ndarray) -> float:
     return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2
 
 
-def _report(seeds: range, outcomes: Mapping[str, Sequence[Outcome]]) -> Report:
-    everyone = [outcome for runs in outcomes.values() for outcome in runs]
+def _report(seeds: range, outcomes: Mapping[str, Mapping[str, Sequence[Outcome]]]) -> Report:
     measured: dict[str, Figures] = {"seeds": len(seeds)}
-    measured["large_room_one_asr"] = _share([each.is_whole for each in everyone])
-    measured["corridors_parted"] = _share([each for run in everyone for each in run.bends])
-    measured |= _cue_figures(everyone, "default")
-    for where, runs in outcomes.items():
-        figures: dict[str, Figures] = {
-            "asrs": float(np.median([each.asrs for each in runs])),
-            "large_room_one_asr": _share([each.is_whole for each in runs]),
+    verdicts = {}
+    for mapper, groups in outcomes.items():
+        everyone = [outcome for runs in groups.values() for outcome in runs]
+        own = {
+            "large_room_one_asr": _share([each.is_whole for each in everyone]),
+            **_cue_figures(everyone, MAPPERS[mapper]),
         }
-        measured[where] = figures
-        for name in CUES:
-            measured[f"{where}, cues {name}"] = _cue_figures(runs, name)
+        verdicts[mapper] = all(own[name] >= value for name, value in ASKED[mapper].items())
+        if mapper == "albot0":
+            measured["corridors_parted"] = _share([each for run in everyone for each in run.bends])
+            measured |= own
+        for where, runs in groups.items():
+            measured[f"{mapper}, {where}"] = {
+                "asrs": float(np.median([each.asrs for each in runs])),
+                "large_room_one_asr": _share([each.is_whole for each in runs]),
+            }
+        for where, runs in groups.items():
+            for name in runs[0].stops:
+                measured[f"{mapper}, {where}, cues {name}"] = _cue_figures(runs, name)
+    journeys = sum(len(runs) for runs in outcomes["albot0"].values())
     return Report(
         id=ID,
         title=TITLE,
         paper=PAPER,
         measured=measured,
-        holds=all(float(str(measured[name])) >= value for name, value in ASKED.items()),
+        holds=verdicts["albot0"],
+        verdicts=verdicts,
+        conditions={
+            **SONAR_CONDITIONS,
+            "environment": (
+                "an office with a room of 9 x 15 m",
+                f"`{BUILDING}`, and random offices of twelve rooms",
+            ),
+            "trials": ("two journeys; of the 70 % it is not told", f"{journeys} journeys"),
+            "way home": ("the way out retraced, more or less", "the way out retraced"),
+        },
         text=_text(seeds),
     )
 
 
-def _cue_figures(runs: Sequence[Outcome], name: str) -> dict[str, Figures]:
+def _cue_figures(runs: Sequence[Outcome], name: str) -> dict[str, float]:
     """Return how well the robot knew its ASR with a choice of cues, as means over the runs."""
     stops = [run.stops[name] for run in runs]
     return {
@@ -223,8 +245,11 @@ nearest reading of the way out was taken; `right_or_border`: that, or one in whi
 by no more than {BORDER:g} m farther away; `sure`: how often one ASR is clearly the most confident;
 `home_believed`: how often the robot believes to be in its home ASR when it stands at its start.
 
-Cues: `paper` fuses `distance` and `orientation`; `default`, with which `albot0` comes, has `way`
-in place of `distance`. `holds` where the default's figures are {ASKED["right_or_border"]:.0%} each.
+`albot0-paper` is the paper's robot to the letter; its cues `paper` are `distance` and `orientation`
+together. `albot0` is ours; its cues `default` have `way` in place of `distance`. On its ASRs the
+paper's cues are asked, too. Asked of the means over all journeys is
+{ASKED["albot0"]["right_or_border"]:.0%} each of `albot0`; of `albot0-paper`
+{ASKED["albot0-paper"]["home_believed"]:.0%}, and the large room as a whole as often as of `albot0`.
 
 The paper shows two journeys, in both of which the large room is one ASR, and gives no figure of its
 localisation; Albot0's success rate of returning home was 70 % (Hossain 2014, section 2.3.4).

@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from albot_core.drawing.palette import SERIES
 from albot_core.geometry.poses import relative
 from albot_env.sim.laser import LMS_200, LaserConfig
+from albot_experiments.albot1_conditions import THESIS_LASER, THESIS_MOTION, THESIS_ODOMETER
 from albot_experiments.albot1_e3 import DISTURBANCE, moved_by
 from albot_experiments.albot1_places import PlacedTour, between, place_tour
+from albot_experiments.albot1_truth import judge_exits
 from albot_experiments.drawing import draw_place_graph, finish_maps
 from albot_experiments.mapping import ALBOT1
 from albot_experiments.report import Figures, Report, compared, each_seed
-from albot_experiments.tours import guided_tour
+from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -29,17 +31,28 @@ TITLE = "Navigation (Hossain 2014, section 4.2.3, figures 4.7 and 4.8)"
 WORLD, TOUR = "office-ring", "single-loop"
 EXITS = ("E1", "E2", "E3", "E4", "E5", "E6")
 PAPER: dict[str, Figures] = {"aligned_is_nearer": True, "network_right": 1.0}
-LARGEST_GAP, LARGEST_SHARE = 0.5, 0.5
-"""Maximum distance of aligned exits from those seen (m), and its maximum share of the distance of
-unaligned exits."""
+LARGEST_GAP, LARGEST_SHARE = 0.3, 0.5
+"""Maximum distance of an aligned exit from the one seen (m): a third of a doorway, so that the
+robot finds it; and its maximum share of the distance of the unaligned exit. Medians over the
+seeds."""
+LEAST_NEARER = 4
+"""Minimum number of exits of which both must be so. The thesis excepts an exit of a large place;
+and the first exit cannot be predicted if it is crossed before its place is recognised."""
+LEAST_RIGHT = 0.8
+"""Minimum share of the seeds in which the network must be right, and every exit lead where it
+does."""
+NEAR_DOOR = 3.0
+"""An exit is at a true door if their middles are at most this far apart (m). Doors of one room are
+some 10 m apart, and a corridor without ends in sight is learned 2 m too short."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing:
     """The sensors of a journey."""
 
-    disturbance: float = 0.0
-    """Factor of the disturbance of each motion in experiment 3 of chapter 3."""
+    disturbance: tuple[float, float] = (0.0, 0.0)
+    """Factor of the disturbance of each motion in experiment 3 of chapter 3, on the first lap and
+    on the second."""
     laser: LaserConfig = LMS_200
     """The laser."""
 
@@ -48,13 +61,34 @@ SHORT_SIGHTED = replace(LMS_200, geometry=replace(LMS_200.geometry, max_range=8.
 """A laser with a range of 8 m."""
 SENSINGS: Mapping[str, Sensing] = {
     "": Sensing(),
-    ", disturbed": Sensing(disturbance=1.0),
-    ", disturbed twice": Sensing(disturbance=2.0),
-    ", disturbed twice, sees 8 m": Sensing(disturbance=2.0, laser=SHORT_SIGHTED),
+    ", disturbed": Sensing(disturbance=(1.0, 1.0)),
+    ", disturbed twice": Sensing(disturbance=(2.0, 2.0)),
+    ", disturbed twice, then once, sees 8 m": Sensing(disturbance=(2.0, 1.0), laser=SHORT_SIGHTED),
 }
-JUDGED = {"albot1-thesis": "", "albot1-tracked": "", "albot1": ", disturbed twice, sees 8 m"}
+JUDGED = {
+    "albot1-thesis": "",
+    "albot1-tracked": "",
+    "albot1": ", disturbed twice, then once, sees 8 m",
+}
 """The sensors with which each mapper is judged: those with which its map drifts enough to make a
-difference. `albot1` joins known walls with its map unless both sensors are worse."""
+difference. `albot1` joins known walls with its map unless both sensors are worse. Where the map
+drifts alike on both laps, the place recognised first aligns all others; so the disturbance
+changes."""
+CONDITIONS: Mapping[str, tuple[str, str]] = {
+    "environment": (
+        "the office floor of experiment 1",
+        f"simulated, `{WORLD}`: drawn after figure 4.1, 6 exits of 1 m",
+    ),
+    "path": ("the loop of experiment 1 (90 m) twice", "195 m: the loop twice, and 1 m more"),
+    "motion": THESIS_MOTION,
+    "laser": (THESIS_LASER[0], f"{THESIS_LASER[1]}; `albot1`: range 8 m"),
+    "odometer": (THESIS_ODOMETER[0], f"{THESIS_ODOMETER[1]}; `albot1`: disturbed"),
+    "trials": ("1", "1 for each seed"),
+    "compared": (
+        "exits aligned and not, by eye and in a chart (figure 4.8)",
+        "the same distances as medians over the seeds; the network against the true floor",
+    ),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +123,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
             for laser in (LMS_200, SHORT_SIGHTED)
         }
         for how, sensing in SENSINGS.items():
-            ridden = moved_by(journeys[sensing.laser], sensing.disturbance * DISTURBANCE)
+            ridden = disturbed(journeys[sensing.laser], sensing.disturbance)
             for name in ALBOT1:
                 laps[f"{name}{how}"].append(second_lap(place_tour(name, world, ridden)))
     return _report(world, seeds, laps)
@@ -98,6 +132,13 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 def twice_round(loop: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tour 2"]:
     """Return a closed tour twice, continued to its second waypoint."""
     return np.concatenate((loop[:-1], loop, loop[1:2]))
+
+
+def disturbed(journey: TourRecord, factors: tuple[float, float]) -> TourRecord:
+    """Return a journey with the odometer disturbed, by a factor on either half of its views."""
+    first, second = (moved_by(journey, factor * DISTURBANCE).readings for factor in factors)
+    half = len(journey.readings) // 2
+    return TourRecord(readings=first[:half] + second[half:], truth=journey.truth)
 
 
 def second_lap(placed: PlacedTour) -> SecondLap:
@@ -124,8 +165,10 @@ def _metres(values: Float64[np.ndarray, "..."]) -> float | None:
 def _figures(world: World, laps: list[SecondLap]) -> dict[str, Figures]:
     aligned = np.array([lap.aligned for lap in laps])
     return {
-        "network_right": round(float(np.mean([lap.placed.is_right(world) for lap in laps])), 3),
+        "network_right": round(_network_right(world, laps), 3),
+        "exits_lead_right": round(_exits_lead_right(world, laps), 3),
         "exits_predicted": round(float(np.isfinite(aligned).mean()), 3),
+        "exits_nearer": int(_is_nearer(laps).sum()),
         "aligned_m": _metres(aligned),
         "unaligned_m": _metres(np.array([lap.unaligned for lap in laps])),
         "map_off_at_the_end_m": _metres(np.array([lap.drift for lap in laps])),
@@ -134,13 +177,14 @@ def _figures(world: World, laps: list[SecondLap]) -> dict[str, Figures]:
 
 def _report(world: World, seeds: range, laps: dict[str, list[SecondLap]]) -> Report:
     figures = {name: _figures(world, several) for name, several in laps.items()}
-    verdicts = {name: _is_reached(laps[f"{name}{how}"]) for name, how in JUDGED.items()}
+    verdicts = {name: _is_reached(world, laps[f"{name}{how}"]) for name, how in JUDGED.items()}
     main = f"albot1{JUDGED['albot1']}"
     aligned, unaligned = _gaps(laps[main])
     judged: dict[str, Figures] = {name: figures[f"{name}{how}"] for name, how in JUDGED.items()}
     measured: dict[str, Figures] = {
-        "aligned_is_nearer": verdicts["albot1"],
+        "aligned_is_nearer": int(_is_nearer(laps[main]).sum()) >= LEAST_NEARER,
         "network_right": figures[main]["network_right"],
+        "exits_lead_right": figures[main]["exits_lead_right"],
         "aligned_m": figures[main]["aligned_m"],
         "unaligned_m": figures[main]["unaligned_m"],
         "seeds": len(seeds),
@@ -150,7 +194,7 @@ def _report(world: World, seeds: range, laps: dict[str, list[SecondLap]]) -> Rep
             for k, name in enumerate(EXITS)
         },
     }
-    names = "exits_predicted", "aligned_m", "unaligned_m", "network_right"
+    names = "exits_predicted", "exits_nearer", "aligned_m", "unaligned_m", "network_right"
     return Report(
         id=ID,
         title=TITLE,
@@ -159,9 +203,20 @@ def _report(world: World, seeds: range, laps: dict[str, list[SecondLap]]) -> Rep
         holds=verdicts["albot1"],
         verdicts=verdicts,
         compared=compared(judged, ALBOT1, names),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"exits": _picture(world, laps)},
     )
+
+
+def _network_right(world: World, laps: list[SecondLap]) -> float:
+    """Return the share of the seeds in which places and links are right."""
+    return float(np.mean([lap.placed.is_right(world) for lap in laps]))
+
+
+def _exits_lead_right(world: World, laps: list[SecondLap]) -> float:
+    """Return the share of the seeds in which every exit leads where it truly does."""
+    return float(np.mean([judge_exits(lap.placed, world, NEAR_DOOR)[0] == 1.0 for lap in laps]))
 
 
 def _gaps(
@@ -171,10 +226,18 @@ def _gaps(
     return np.array([lap.aligned for lap in laps]), np.array([lap.unaligned for lap in laps])
 
 
-def _is_reached(laps: list[SecondLap]) -> bool:
-    """Return whether aligned exits are near, and near enough compared with unaligned ones."""
-    aligned, unaligned = (float(np.median(gaps)) for gaps in _gaps(laps))
-    return aligned <= LARGEST_GAP and aligned <= LARGEST_SHARE * unaligned
+def _is_nearer(laps: list[SecondLap]) -> Bool[np.ndarray, "exits"]:
+    """Return of which exits the aligned one is near, and near compared with the unaligned one."""
+    aligned, unaligned = (np.median(gaps, axis=0) for gaps in _gaps(laps))
+    is_known = np.isfinite(aligned)
+    is_near = (aligned <= LARGEST_GAP) & (aligned <= LARGEST_SHARE * unaligned)
+    return np.asarray(is_known & is_near)
+
+
+def _is_reached(world: World, laps: list[SecondLap]) -> bool:
+    """Return whether the network is right, and its exits are found where they are aligned."""
+    is_right = min(_network_right(world, laps), _exits_lead_right(world, laps)) >= LEAST_RIGHT
+    return bool(is_right and _is_nearer(laps).sum() >= LEAST_NEARER)
 
 
 def _text(seeds: range) -> str:
@@ -187,13 +250,22 @@ exit on the second lap, the exit as seen is compared with the nearest that the p
 (*unaligned*): the distance of the middles. An exit that was not predicted counts as
 infinitely far. Medians over the exits and the seeds {seeds.start} to {seeds.stop - 1}.
 
-A mapper reaches it if the distance aligned is at most {LARGEST_GAP} m and at most
-{LARGEST_SHARE:.0%} of that unaligned. `albot1` joins what it sees again to what it remembers, if it
-comes back with less than some 40 cm of error; then its map has not drifted, and exits not aligned
-are where they were. So the odometer is disturbed: by {metres} m and {degrees:.0f}° between
-consecutive views, as in experiment 3 of chapter 3, and by twice that. Even then the map of `albot1`
-does not drift, unless its laser sees only {reach:.0f} m. So it is judged with that laser and the
-odometer disturbed twice, of which the table by exit is. The maps of `albot1-thesis` and
+An exit counts as found (`exits_nearer`) if its distance aligned is at most {LARGEST_GAP} m and at
+most {LARGEST_SHARE:.0%} of that unaligned. A mapper reaches it if that is so of at least
+{LEAST_NEARER} of the {len(EXITS)} exits, and if in {LEAST_RIGHT:.0%} of the seeds the network is
+right (as in `albot1-c1`) and every exit leads to the place, and is the exit of that place, that it
+truly is (`exits_lead_right`).
+
+`albot1` joins what it sees again to what it remembers, if it comes back with less than some 40 cm
+of error; then its map has not drifted, and exits not aligned are where they were. So the odometer
+is disturbed: by {metres} m and {degrees:.0f}° between consecutive views, as in experiment 3 of
+chapter 3, and by twice that. Even then the map of `albot1` does not drift, unless its laser sees
+only {reach:.0f} m: P3 is a corridor of 17 m, whose ends are then out of sight. There the map is 2 m
+short on each lap. If it were so on both, P3 would be known as it is found again, and one alignment
+would do for all places. So on the second lap the odometer is disturbed once: P3 is 1 m longer than
+it was, E3 is 1 m from where it is expected, as the thesis says of a large place, and the exits
+after it are aligned anew or are 1 m off. `albot1` is judged so, and the table by exit is of it. E1
+it crosses before it recognises P1, so it is not predicted. The maps of `albot1-thesis` and
 `albot1-tracked` drift without, and they are judged on the sensors as they are.
 """
 

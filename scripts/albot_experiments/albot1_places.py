@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Points, Poses
+from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
+from albot_core.mappers.albot1.places.network import START
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import PlaceGraph
 from albot_experiments.mapping import ALBOT1, EVERY_READING
@@ -58,6 +60,8 @@ class PlacedTour:
     """For every view, the final id of the place in which the robot believed to be."""
     crossings: tuple[Crossing, ...]
     """The exits that the robot went through, in order."""
+    frames: Mapping[int, Pose]
+    """The true pose of each place's frame (world): that of the robot when it began the place."""
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -111,15 +115,17 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
         raise InputError("mapper", "one of Albot1's", name)
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)
     crossings: list[Crossing] = []
-    place = known = 0
+    frames = {START: journey.truth[0]}
+    place, known = START, mapper.events
     for view, reading in enumerate(journey.readings):
         expected, before = mapper.predicted_exits, mapper.exits
         mapper.update(reading)
-        events = mapper.events
-        new, known = events[known:], len(events)
+        new, known = new_events(known, mapper.events), mapper.events
         for event in new:
             if event.kind in (EventKind.NEW, EventKind.ENTERED, EventKind.LOST):
                 place = event.other
+            if event.kind in (EventKind.NEW, EventKind.LOST):
+                frames[event.other] = journey.truth[view]
         poses[view], places[view] = mapper.estimate.pose, place
         if any(event.kind in (EventKind.NEW, EventKind.ENTERED) for event in new):
             line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
@@ -137,7 +143,17 @@ def place_tour(name: str, world: World, journey: TourRecord, config: object = No
         poses=poses,
         places=np.array([same.get(place, place) for place in places.tolist()]),
         crossings=tuple(crossings),
+        frames=frames,
     )
+
+
+def new_events(before: Sequence[Event], after: Sequence[Event]) -> tuple[Event, ...]:
+    """Return the events of `after` that are not in `before`, although the log may forget old ones.
+
+    Both are a network's events, before and after a reading.
+    """
+    last = before[-1]
+    return tuple(takewhile(lambda event: event is not last, reversed(after)))[::-1]
 
 
 def same_in_the_end(events: Iterable[Event]) -> Mapping[int, int]:

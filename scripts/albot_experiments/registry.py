@@ -68,13 +68,13 @@ EXPERIMENTS = {
         Experiment(
             id="albot0-1",
             title="Albot0's way home by ASR lengths and turns (Schmidt et al.)",
-            seeds=20,
+            seeds=10,
             module="albot_experiments.albot0_return",
         ),
         Experiment(
             id="albot0-2",
             title="Albot0's ASRs of a room larger than its sonars reach (Schmidt et al.)",
-            seeds=20,
+            seeds=10,
             module="albot_experiments.albot0_hall",
         ),
         Experiment(
@@ -82,6 +82,12 @@ EXPERIMENTS = {
             title="Albot0 drives out and home by sonars alone (Schmidt et al.)",
             seeds=50,
             module="albot_experiments.albot0_homing",
+        ),
+        Experiment(
+            id="albot0-lost-frame",
+            title="Albot0 comes home in another frame than that of its way out (Schmidt et al.)",
+            seeds=10,
+            module="albot_experiments.albot0_lost_frame",
         ),
         Experiment(
             id="albot1-e1",
@@ -180,6 +186,12 @@ EXPERIMENTS = {
             title="Landmark association keeps the shape of the floor (Yeap et al. 2015)",
             seeds=20,
             module="albot_experiments.association_1",
+        ),
+        Experiment(
+            id="association-2",
+            title="Landmark association of a robot that wanders on its own (Yeap et al. 2015)",
+            seeds=20,
+            module="albot_experiments.association_2",
         ),
         Experiment(
             id="ratslam-real",

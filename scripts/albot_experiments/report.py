@@ -297,7 +297,8 @@ def index(
         letter: list[str] = []
         ours: list[str] = []
         for name, reached in report.verdicts.items():
-            (letter if name.endswith(_LETTER) else ours).append(f"{name}: {cell(reached)}")
+            is_letter = name.partition(" ")[0].endswith(_LETTER)
+            (letter if is_letter else ours).append(f"{name}: {cell(reached)}")
         if not report.verdicts:
             ours.append(cell(report.holds))
         verdict = f"{', '.join(letter) or '–'} | {', '.join(ours) or '–'}"

@@ -34,6 +34,7 @@ MAPPERS = (
     "albot1-thesis",
     "albot1-tracked",
     "association",
+    "association-paper",
     "ratslam",
     "scan-matching",
     "graph-slam",

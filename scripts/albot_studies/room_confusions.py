@@ -32,6 +32,7 @@ from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.registry import make_mapper
 from albot_env.sim.simulator import Simulator
+from albot_experiments.albot1_places import new_events
 from albot_maps import World, load_world
 from albot_maps.same_place import same_places
 
@@ -79,12 +80,12 @@ def drive(world: World, seed: int, path: float, mapper: str) -> Drive:
     if not isinstance(made, Albot1):
         raise InputError("--mapper", "one of Albot1's", mapper)
     simulator = Simulator(world, movables=False)
-    points, events, way = [], [], 0.0
+    points, events, way, known = [], [], 0.0, made.events
     for reading in patrol(simulator, np.random.default_rng(seed)):
         made.update(reading)
         points.append(simulator.pose[:2])
-        # Every reading is a view, and an event has the number of its view.
-        events.append(tuple(event for event in made.events[-16:] if event.step == len(points)))
+        events.append(new_events(known, made.events))
+        known = made.events
         way += float(np.hypot(*reading.motion[:2]))
         if way >= path:
             break

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from albot_experiments import albot0_hall, albot0_return
+from albot_experiments import albot0_hall, albot0_lost_frame, albot0_return
 from albot_maps import load_world
 
 
@@ -43,10 +44,10 @@ def test_corridors_count_as_parted_where_an_asr_ends_near_their_crossing():
     assert albot0_return._bends(world, out[:120], parted[:120].astype(np.int64)) == ()
 
 
-def test_a_way_across_leads_through_a_door_hardly_wider_than_the_clearance():
+def test_away_across_leads_through_a_door_hardly_wider_than_the_clearance():
     """The rooms of seeds 1, 71, 90, 92 and 3012 could not be reached, and the experiment ended."""
     world = load_world(albot0_return.OFFICE.format(seed=3012))
-    way = albot0_return._way_across(world, 3012)
+    way = albot0_return.way_across(world, 3012)
     assert world.room_at(*way[0]) != world.room_at(*way[-1])
 
 
@@ -68,3 +69,21 @@ def test_a_large_room_is_one_asr_on_a_way_drawn_at_random():
     split = albot0_hall.drive_at_random(load_world(albot0_hall.WORLD), 11)
     assert split.is_whole
     assert max(split.distances) < 2.0
+
+
+@pytest.mark.parametrize("name", ["albot0-paper", "albot0"])
+def test_in_another_frame_a_robot_comes_home_as_in_its_own(name):
+    """Of a short way in an office; ours says that its frame was lost."""
+    world = load_world(albot0_return.OFFICE.format(seed=2))
+    way = albot0_return.way_across(world, 2)
+    journey, turned = albot0_return.drive(world, way, "ideal", 2)
+    found = dict(albot0_lost_frame.come_home(name, journey, turned, 2))
+    assert found.keys() == albot0_lost_frame.FRAMES.keys()
+    for frame, outcome in found.items():
+        assert outcome.right > 0.9
+        assert outcome.is_home
+        if name == "albot0":
+            assert outcome.kept is not None
+            assert (outcome.kept > 0.5) == (frame == "kept")
+        else:
+            assert outcome.kept is None

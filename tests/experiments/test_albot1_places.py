@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.mappers.albot1.places.events import Event, EventKind
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.albot1.places.events import STANDS_WITHIN, Event, EventKind, EventLog
 from albot_experiments import albot1_c1 as c1
 from albot_experiments import albot1_c2 as c2
 from albot_experiments import albot1_c3 as c3
+from albot_experiments.albot1_e3 import DISTURBANCE
 from albot_experiments.albot1_places import (
     Crossing,
     PlacedTour,
     between,
+    new_events,
     place_tour,
     same_in_the_end,
 )
@@ -69,6 +72,9 @@ def test_a_wrong_network_is_not_right(ring: World, once_round: PlacedTour):
 
 def test_every_crossing_is_that_of_a_true_exit(once_round: PlacedTour):
     assert [each.exit for each in once_round.crossings] == ["E1", "E2", "E3", "E4", "E5", "E6"]
+    assert sorted(once_round.frames) == list(range(7))  # P1 again was a seventh at first.
+    starts = [once_round.journey.truth[crossing.view] for crossing in once_round.crossings]
+    np.testing.assert_array_equal([once_round.frames[k] for k in range(1, 7)], starts)
     for crossing in once_round.crossings:
         doorway = 0.5 * np.hypot(*(crossing.seen[2:] - crossing.seen[:2]))
         assert 0.3 < doorway < 0.7
@@ -103,6 +109,72 @@ def test_a_story_leaves_out_what_was_refused():
         happened(EventKind.REFUSED, 1, 0),
     ]
     assert c2.story(events) == ((EventKind.NEW, "P1", "P2"),)
+
+
+class Told(Albot1):
+    """A mapper whose network has some events."""
+
+    told: tuple[Event, ...] = ()
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        return self.told
+
+
+@pytest.mark.parametrize(
+    ("step", "place", "gate", "unchecked"),
+    [
+        (12, 6, 2, False),
+        (30, 6, 2, True),  # It is far within by then.
+        (12, 6, STANDS_WITHIN, True),  # The gate has no part in it.
+        (12, 5, 2, True),  # Another place was compared.
+    ],
+)
+def test_a_check_at_the_entrance_is_noticed(
+    once_round: PlacedTour, step: int, place: int, gate: int, unchecked: bool
+):
+    entered = Event(step=10, kind=EventKind.NEW, place=5, other=6)
+    compared = Event(step=step, kind=EventKind.REFUSED, place=place, other=0, gate=gate)
+    mapper = Told()
+    mapper.told = (entered, compared)
+    assert c2.is_unchecked(replace(once_round, mapper=mapper)) == unchecked
+    mapper.told = (compared,)
+    assert not c2.is_unchecked(replace(once_round, mapper=mapper))  # P7 was never entered.
+
+
+def test_new_events_are_those_after_the_last_known_even_where_old_ones_are_forgotten():
+    log = EventLog(3, 0)
+    before = tuple(log.events)
+    assert new_events(before, tuple(log.events)) == ()
+    for step in (1, 1, 2):
+        log.add(Event(step=step, kind=EventKind.NEW, place=0, other=1))
+        before, known = tuple(log.events), before
+        assert new_events(known, before) == (before[-1],)
+    for _ in range(2):
+        log.add(Event(step=3, kind=EventKind.NEW, place=0, other=1))
+    assert len(log.events) == 3
+    assert new_events(before, tuple(log.events)) == tuple(log.events[1:])
+
+
+def test_the_disturbance_may_change_between_the_laps(ring_journey: TourRecord):
+    moved = c3.disturbed(ring_journey, (2.0, 1.0))
+    added = [
+        after.motion - before.motion
+        for before, after in zip(ring_journey.readings, moved.readings, strict=True)
+    ]
+    half = len(added) // 2
+    np.testing.assert_array_equal(added[0], np.zeros(3))
+    np.testing.assert_allclose(added[1:half], np.tile(2 * DISTURBANCE, (half - 1, 1)))
+    np.testing.assert_allclose(added[half:], np.tile(DISTURBANCE, (len(added) - half, 1)))
+
+
+def test_an_exit_is_nearer_if_it_is_near_and_nearer_than_the_unaligned_one(
+    once_round: PlacedTour,
+):
+    aligned = np.array([0.29, 0.31, 0.2, np.inf, 0.0, 0.1])
+    unaligned = np.array([1.0, 1.0, 0.39, np.inf, 0.0, np.inf])
+    lap = c3.SecondLap(placed=once_round, aligned=aligned, unaligned=unaligned)
+    assert c3._is_nearer([lap]).tolist() == [True, False, False, False, True, True]
 
 
 def test_a_second_lap_is_held_against_the_first(once_round: PlacedTour):

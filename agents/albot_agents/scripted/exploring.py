@@ -45,8 +45,9 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
 class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
     """Explores by moves of at most 3 m or 30° to a nearby gap of the surrounding space.
 
-    It is exactly the explorer of Yeap and others, Autonomous robot mapping by landmark association
-    (2015). It has no memory, and covers less ground than the other explorers.
+    The explorer of Yeap and others, Autonomous robot mapping by landmark association (2015), but
+    for the gaps, which are jumps of the laser's range, and for swerving round obstacles. It has no
+    memory, and covers less ground than the other explorers.
 
     Args:
         configs: The environment's configurations of observations and actions.

@@ -59,6 +59,15 @@ MAPPERS: dict[str, MapperSpec] = {
             config="albot_core.mappers.albot0.config:Albot0Config",
         ),
         MapperSpec(
+            name="albot0-paper",
+            summary="Albot0 to the letter: distance and orientation, whatever the frame.",
+            paper=_SCHMIDT,
+            sensors=frozenset({"sonar"}),
+            layers=("segments", "place_graph"),
+            factory="albot_core.mappers.albot0.mapper:Albot0",
+            config="albot_core.mappers.albot0.config:Albot0Config.paper",
+        ),
+        MapperSpec(
             name="albot1",
             summary="Albot1's perceptual map, with our recognition and localisation.",
             paper=_HOSSAIN,
@@ -96,12 +105,21 @@ MAPPERS: dict[str, MapperSpec] = {
         ),
         MapperSpec(
             name="association",
-            summary="A global map of surfaces, each added by where it is from a recognised one.",
+            summary="Scans matched by landmarks: a map of surfaces, each put in by those near it.",
             paper=_YEAP,
             sensors=_LASER,
             layers=("segments",),
             factory="albot_core.mappers.association.mapper:Association",
             config="albot_core.mappers.association.mapper:AssociationConfig",
+        ),
+        MapperSpec(
+            name="association-paper",
+            summary="Landmark association to the letter: each surface by its nearest landmark.",
+            paper=_YEAP,
+            sensors=_LASER,
+            layers=("segments",),
+            factory="albot_core.mappers.association.paper:AssociationPaper",
+            config="albot_core.mappers.association.mapper:LandmarkConfig",
         ),
         MapperSpec(
             name="dp-slam",

@@ -67,9 +67,11 @@ class MinimalSpaceExplorer:
         """Reset all state."""
         self._rng = rng
         self._target = np.zeros(2)
-        self._turn_left, self._way_left = 0.0, 0.0
+        self._turn_left, self._way_left, self._turned_by = 0.0, 0.0, 0.0
         self._steps_without_progress = 0
         self._side = 0.0
+        self.moves = 0
+        """Number of moves begun. The robot stands and scans before each."""
 
     def command(self, percept: Percept) -> Command:
         """Return the next drive command for the current percept."""
@@ -91,12 +93,17 @@ class MinimalSpaceExplorer:
         self._steps_without_progress += 1
         if max(way, abs(turn)) >= self._MIN_PROGRESS:
             self._steps_without_progress = 0
+        self._turned_by += turn
         if abs(self._turn_left) > self._TURNED:
             self._turn_left -= turn
+            is_turned_away = False
         else:
             self._way_left -= way
+            # The paper's robot drives straight, so that two views overlap; ours swerves round
+            # obstacles, but not farther than a turn.
+            is_turned_away = abs(self._turned_by) > self._config.turn + self._TURNED
         is_blocked = self._steps_without_progress >= self._BLOCKED_STEPS
-        if np.hypot(*self._target) < self._ARRIVED or is_blocked:
+        if np.hypot(*self._target) < self._ARRIVED or is_blocked or is_turned_away:
             self._turn_left, self._way_left = 0.0, 0.0
 
     def _begin_move(self, percept: Percept) -> None:
@@ -105,6 +112,7 @@ class MinimalSpaceExplorer:
         These are the paper's steps (b) to (e). Without a gap, or if the way is blocked, the robot
         turns to one side until there is one; the paper does not describe this case.
         """
+        self.moves += 1
         config = self._config
         narrowest = max(config.gap_width, 2 * config.steering.radius)
         seen = find_gaps(percept.points, narrowest=narrowest, reach=self._REACH)
@@ -121,6 +129,7 @@ class MinimalSpaceExplorer:
         bearing = float(np.arctan2(self._target[1], self._target[0]))
         self._turn_left = float(np.clip(bearing, -config.turn, config.turn))
         self._way_left = config.drive if self._turn_left == bearing else 0.0
+        self._turned_by = 0.0
         self._steps_without_progress = 0
 
 

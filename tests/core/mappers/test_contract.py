@@ -41,10 +41,12 @@ from albot_core.sensing.reading import (
 
 NAMES = (
     "albot0",
+    "albot0-paper",
     "albot1",
     "albot1-thesis",
     "albot1-tracked",
     "association",
+    "association-paper",
     "dp-slam",
     "gmapping",
     "graph-slam",
@@ -238,10 +240,12 @@ def test_a_capability_is_had_or_clearly_refused(name):
     kinds = RouteHome, PlaceMemory, CorrectedTrajectory, AttractorNetwork, Recognition
     expected = {
         "albot0": (True, True, False, False, False),
+        "albot0-paper": (True, True, False, False, False),
         "albot1": (True, True, False, False, True),
         "albot1-thesis": (True, True, False, False, True),
         "albot1-tracked": (True, True, False, False, True),
         "association": (False, False, False, False, False),
+        "association-paper": (False, False, False, False, False),
         "dp-slam": (True, False, True, False, False),
         "gmapping": (True, False, True, False, False),
         "graph-slam": (True, False, True, False, True),

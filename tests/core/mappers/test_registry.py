@@ -30,10 +30,12 @@ from tests.core.mappers import grid, topological
 
 OURS = (
     "albot0",
+    "albot0-paper",
     "albot1",
     "albot1-thesis",
     "albot1-tracked",
     "association",
+    "association-paper",
     "dp-slam",
     "gmapping",
     "graph-slam",
@@ -64,7 +66,7 @@ def test_a_mistyped_name_is_guessed(typed, meant):
 def test_a_name_like_none():
     with pytest.raises(
         InputError,
-        match=r"one of albot0, albot1, albot1-thesis, albot1-tracked, assoc.*, found 'xyz'$",
+        match=r"one of albot0, albot0-paper, albot1, albot1-thesis, .*, found 'xyz'$",
     ):
         make_mapper("xyz")
 

@@ -65,8 +65,9 @@ class Stop:
     """The ASRs of the way out, at least one."""
     home: Regions
     """The ASRs of the way home so far."""
-    beside: Confidences
-    """How well each ASR of the way out fits where the way home lies beside it (see `WayBack`)."""
+    beside: Confidences | None
+    """How well each ASR of the way out fits where the way home lies beside it (see `WayBack`); None
+    if the robot keeps no trail."""
 
 
 def distance_map(stop: Stop, config: LocalisationConfig) -> Confidences:
@@ -93,7 +94,12 @@ def way_map(stop: Stop, config: LocalisationConfig) -> Confidences:
     """Return how well each ASR fits where the way home lies beside the way out.
 
     The fit compares the surfaces beside the two ways. This cue is ours.
+
+    Raises:
+        InputError: The robot keeps no trail.
     """
+    if stop.beside is None:
+        raise InputError("cue way", "a robot that keeps a trail", "one that keeps none")
     return stop.beside
 
 
@@ -219,9 +225,18 @@ class Belief:
     """The confidence of the rival."""
     is_sure: bool
     """Whether the first confidence is clearly greater."""
+    kept: float | None = None
+    """The probability that the odometer kept its frame where the robot turned round, which is found
+    by the trail; None if the robot keeps no trail, and so needs no frame."""
 
     @classmethod
-    def of(cls, reading: int, confidences: Confidences, config: LocalisationConfig) -> Belief:
+    def of(
+        cls,
+        reading: int,
+        confidences: Confidences,
+        config: LocalisationConfig,
+        kept: float | None = None,
+    ) -> Belief:
         """Return the belief at a reading, given the confidences of all ASRs."""
         place = most_confident(confidences)
         others = np.where(np.arange(len(confidences)) == place, -1.0, confidences)
@@ -233,11 +248,14 @@ class Belief:
             rival=rival,
             rival_confidence=float(confidences[rival]) if rival >= 0 else 0.0,
             is_sure=is_sure(confidences, config),
+            kept=kept,
         )
 
     def __str__(self) -> str:
         """Return the belief as one line."""
         here = f"reading {self.reading}: in A{self.place} ({self.confidence:.2f})"
+        if self.kept is not None and self.kept < 0.5:
+            here += ", in a frame found anew"
         if self.is_sure:
             return here
         between = "at the border of" if abs(self.place - self.rival) == 1 else "or in"

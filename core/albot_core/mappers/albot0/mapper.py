@@ -4,8 +4,12 @@ Schmidt, Wong and Yeap. On its way out the robot makes a geometric map, which is
 space representations (ASRs). Then the robot turns round, makes a new map of the way home, and
 localises itself in the ASRs of the way out: by the distance travelled in ASR lengths, and by its
 turn from one ASR into the next. Both maps are inexact, and neither is ever corrected or laid over
-the other. In addition, the robot keeps its most likely path by odometer and echoes together
-(`Trail`), on which the way home and the cue `way` rest: that is ours.
+the other. The mapper `albot0-paper` is this and no more: the robot is turned off between the two
+journeys, and whatever frame its odometer then has, it knows the ASRs that it knew before.
+
+In addition, `albot0` keeps its most likely path by odometer and echoes together (`Trail`), on which
+the way home and the cue `way` rest: that is ours. It finds out by its echoes whether the odometer
+still has the frame of the way out, and if not, in which frame the way home lies.
 """
 
 from __future__ import annotations
@@ -33,7 +37,7 @@ from albot_core.mappers.albot0.steps import NO_STEPS, Steps
 from albot_core.mappers.albot0.trail import Trail
 from albot_core.mappers.albot0.way_back import WayBack
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
-from albot_core.mappers.schema import Arrays
+from albot_core.mappers.schema import Arrays, Schema
 from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
 from albot_core.sensing.reading import Reading
@@ -52,10 +56,12 @@ class Albot0(StoredMapper):
     """
 
     config: Albot0Config
-    SCHEMA = SCHEMA
 
     def __init__(self, config: Albot0Config | None = None, name: str = "albot0") -> None:
-        super().__init__(config or Albot0Config(), name)
+        config = config or Albot0Config()
+        parts = () if config.trail is None else ("_trail",)
+        self.SCHEMA = Schema(*SCHEMA.fields, parts=parts, rules=SCHEMA.rules)
+        super().__init__(config, name)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. `rng` is used until the next reset."""
@@ -65,7 +71,7 @@ class Albot0(StoredMapper):
         self._updates = 0
         self._path = PathInProgress(samples=[])
         self._out = GeometricMap(self.config.regions)
-        self._trail = Trail(self.config.trail, rng)
+        self._trail = None if self.config.trail is None else Trail(self.config.trail, rng)
         self._home: GeometricMap | None = None
         self._was_told = False
         self._way_back: WayBack | None = None
@@ -96,6 +102,9 @@ class Albot0(StoredMapper):
     def begin_return(self) -> None:
         """Treat the travel so far as the way out, and what follows as the way home.
 
+        The robot may be turned off here, so that its odometer goes on in another frame: the next
+        motion may be any.
+
         Without this call the mapper detects itself where the robot turns round (see
         `PathConfig.detects_return`), and the last detection counts. A robot that has gone nowhere
         is at home, and stays on its way out.
@@ -104,6 +113,8 @@ class Albot0(StoredMapper):
         if self._out.regions.count:
             self._turn_round()
             self._was_told = True
+            if self._trail is not None:
+                self._trail.turn_round()
 
     def end_path(self) -> None:
         """End the robot path at the robot's position; on the way home, localise the robot.
@@ -131,26 +142,30 @@ class Albot0(StoredMapper):
         self._updates += 1
         if self._home is None:
             self._out.extend(steps)
+        else:
+            self._home.extend(steps)
+        if self._trail is not None:
             self._trail.extend(steps)
-            self._way_back = self._lay_out()
-            return
-        self._home.extend(steps)
-        self._trail.extend(steps)
         self._way_back = self._lay_out()
+        if self._home is None:
+            return
         stop, config = self.last_stop, self.config.localisation
         maps = np.stack([CUES[name](stop, config) for name in config.cues])
         self._believe(self._fusion.fuse(maps))
 
-    def _lay_out(self) -> WayBack:
-        """Return the way home from where the robot may be now."""
+    def _lay_out(self) -> WayBack | None:
+        """Return the way home from where the robot may be now; None without a trail."""
         out, trail = slice(0, len(self._out.steps.lines)), self._trail
+        if trail is None:
+            return None
         steps, config = trail.steps, self.config.way_back
         return WayBack(steps.part(out), steps.surfaces, trail.particles, trail.frame, config)
 
     def _believe(self, confidences: Confidences) -> None:
         self._confidences = confidences
         reading = max(self._readings - 1, 0)
-        self._beliefs.append(Belief.of(reading, confidences, self.config.localisation))
+        kept = None if self._trail is None else self._trail.kept
+        self._beliefs.append(Belief.of(reading, confidences, self.config.localisation, kept))
 
     @property
     def last_stop(self) -> Stop:
@@ -159,9 +174,9 @@ class Albot0(StoredMapper):
         Raises:
             InputError: The robot is on its way out.
         """
-        if self._home is None or self._way_back is None:
+        if self._home is None:
             raise InputError("last_stop", "a robot on its way home", "one on its way out")
-        beside = self._way_back.fit(self._out.regions)
+        beside = None if self._way_back is None else self._way_back.fit(self._out.regions)
         return Stop(out=self._out.regions, home=self._home.regions, beside=beside)
 
     @property
@@ -197,7 +212,7 @@ class Albot0(StoredMapper):
             place = max(self._out.regions.count - 1, 0)
         return Estimate(
             pose=self._pose.copy(),
-            home=self._trail.frame.copy(),
+            home=np.zeros(3) if self._trail is None else self._trail.frame.copy(),
             localised=is_sure,
             place=place,
             matched_reading=matched,
@@ -223,9 +238,13 @@ class Albot0(StoredMapper):
         """The way home: the border to the next ASR, and a point ahead on the way out.
 
         On the way home it follows the trail of the way out (see `Trail` and `WayBack`). There is no
-        border ahead if the robot believes to be in its home ASR.
+        border ahead if the robot believes to be in its home ASR. Without a trail no way is known,
+        as in the paper, which tells nothing of how its robot is guided.
         """
         way = np.full(7, np.nan)
+        if self._trail is None:
+            way[TRAVEL] = np.inf
+            return way
         way[TRAVEL] = self._path.travelled
         if self._way_back is None:
             return way
@@ -282,7 +301,10 @@ class Albot0(StoredMapper):
             "path.before": [] if path.direction_before is None else [path.direction_before],
             **{f"{way}.{name}": getattr(ways[way], name) for way in ways for name in STEPS},
             "beliefs": [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs],
-            "believed": [(b.confidence, b.rival_confidence) for b in self._beliefs],
+            "believed": [
+                (b.confidence, b.rival_confidence, -1.0 if b.kept is None else b.kept)
+                for b in self._beliefs
+            ],
         }
 
     def _restored(self, state: Arrays) -> None:
@@ -304,6 +326,7 @@ class Albot0(StoredMapper):
                 rival=rival,
                 rival_confidence=rival_confidence,
                 is_sure=bool(sure),
+                kept=None if kept < 0.0 else kept,
             )
-            for (reading, place, rival, sure), (confidence, rival_confidence) in rows
+            for (reading, place, rival, sure), (confidence, rival_confidence, kept) in rows
         ]

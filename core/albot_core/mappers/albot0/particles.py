@@ -12,11 +12,18 @@ import math
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.segment_kernels import crosses
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import CELL, EchoField
 
+_HEADINGS = 36
+"""Number of bins by which the likeliest heading is found…"""
+_WINDOW = 9
+"""…and the number of bins, an odd one, that are taken together…"""
+_ONE_MODE = math.radians(60.0)
+"""…of which all particles whose headings differ by no more than this (rad) are one mode."""
 _LEAST = 1e-12
 """Minimum weight of a particle, as a share of the greatest weight."""
 
@@ -25,9 +32,9 @@ class Particles:
     """Poses where the robot may be, with their weights.
 
     Attributes:
-        poses: (particles, 3): the poses (m, m, rad). Headings are not wrapped, so that they can be
-            averaged.
+        poses: (particles, 3): the poses (m, m, rad). Headings are not wrapped.
         weights: (particles,): their weights, which sum to 1.
+        has_modes: Whether the particles may have headings of several modes (see `relocalise`).
 
     Args:
         pose: The initial pose of all particles.
@@ -38,6 +45,7 @@ class Particles:
     def __init__(self, pose: Pose, count: int, rng: np.random.Generator) -> None:
         self.poses: Float64[np.ndarray, "particles 3"] = np.repeat(pose[None], count, axis=0)
         self.weights: Float64[np.ndarray, "particles"] = np.full(count, 1.0 / count)
+        self.has_modes = False
         self._rng = rng
 
     def move(self, motion: Pose, drift: float, turned: float, slip: float) -> None:
@@ -84,23 +92,57 @@ class Particles:
         _weigh(self.poses, self.weights, points, field.corner, field.squares, scale)
 
     def resample(self) -> Int64[np.ndarray, "particles"]:
-        """Resample the particles if few of them have most of the weight (low-variance sampling).
+        """Resample the particles if few of them have most of the weight.
 
         Returns the indices of the particles drawn; each index once if there was no resampling.
         """
         count = len(self.weights)
         if np.square(self.weights).sum() * count < 2.0:
             return np.arange(count)
-        drawn = (self._rng.random() + np.arange(count)) / count
-        chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), drawn), count - 1)
+        return self.draw()
+
+    def draw(self) -> Int64[np.ndarray, "particles"]:
+        """Draw the particles anew by their weights; return the indices of those drawn."""
+        chosen = self.drawn(len(self.weights))
         self.poses = self.poses[chosen]
-        self.weights = np.full(count, 1.0 / count)
+        self.weights = np.full(len(chosen), 1.0 / len(chosen))
         return chosen
+
+    def drawn(self, count: int) -> Int64[np.ndarray, "drawn"]:
+        """Return the indices of particles drawn by their weights (low-variance sampling)."""
+        places = (self._rng.random() + np.arange(count)) / count
+        chosen = np.searchsorted(np.cumsum(self.weights), places)
+        return np.asarray(np.minimum(chosen, len(self.weights) - 1))
+
+    @property
+    def likeliest(self) -> Float64[np.ndarray, "particles"]:
+        """The weights of the likeliest mode: of particles with about the same heading.
+
+        They sum to 1; those of all other particles are 0. There is one mode unless the odometer's
+        frame was lost (see `relocalise`).
+        """
+        if not self.has_modes:
+            return self.weights
+        headings = self.poses[:, 2]
+        bins = np.floor(headings / (2 * np.pi) * _HEADINGS).astype(np.int64) % _HEADINGS
+        shares = np.bincount(bins, self.weights, minlength=_HEADINGS)
+        half = _WINDOW // 2
+        around = sum(np.roll(shares, shift) for shift in range(-half, half + 1))
+        middle = (int(np.argmax(around)) + 0.5) * 2 * np.pi / _HEADINGS
+        is_near = np.abs(wrap_angle(headings - middle)) <= _ONE_MODE
+        weights = np.where(is_near, self.weights, 0.0)
+        return np.asarray(weights / weights.sum())
 
     @property
     def mean(self) -> Pose:
-        """The mean pose, with its heading not wrapped."""
-        return np.asarray(np.einsum("k,ki->i", self.weights, self.poses))
+        """The mean pose of the likeliest mode."""
+        if not self.has_modes:
+            return np.asarray(np.einsum("k,ki->i", self.weights, self.poses))
+        weights = self.likeliest
+        reference = self.poses[weights.argmax(), 2]
+        off = wrap_angle(self.poses[:, 2] - reference)
+        x, y = weights @ self.poses[:, :2]
+        return np.array((x, y, reference + weights @ off))
 
 
 @kernel()

@@ -10,16 +10,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.split_and_merge import Constants, StepMeasures, split_and_merge
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
+Width = Literal["measured", "area"]
+"""How a region's average width is measured (see `RegionConfig.width`)."""
+Merging = Literal["whole", "neighbours"]
+"""When two regions are merged (see `RegionConfig.merging`)."""
 _ABOVE_ONE = Range("a number from 1", 1.0)
+_WIDTHS: tuple[Width, ...] = get_args(Width)
+_MERGING: tuple[Merging, ...] = get_args(Merging)
 _SHORT = 1e-9
 """A region of at most this length ends where it began (m)."""
 
@@ -38,15 +46,46 @@ class RegionConfig:
     smallest_area: float = 4.0
     """A_max, the unit of areas in equation (2) (m²); the paper gives no value. With n = 3, r has
     half its effect for regions of 12 m², the size of a small office."""
-
     bend: float = math.radians(60.0)
-    """Corridors are split where the way turns by at least this (rad). Above π none are."""
+    """Corridors are split where the way turns by at least this (rad). Above π none are, as by the
+    paper's equations."""
+    width: Width = "measured"
+    """The average width of a region in equation (1). `area`, the paper's, is its area by the line
+    from its entry to its exit. `measured`, ours, is the mean of the widths beside its steps: the
+    line is short where the way folds back, so a room that is crossed to and fro would be the wider
+    the more crooked the way is."""
+    merging: Merging = "whole"
+    """When two regions are merged: by the h of the best split of both together (`whole`), or by the
+    h of the two (`neighbours`, the letter of the paper's section 2.2)."""
+    keeps_small: bool = True
+    """Whether regions smaller than A_max are kept. The paper's are not: its A_max is the area of
+    "the smallest possible region that the algorithm is still allowed to create". Ours are held
+    together by r alone, so a doorway can be a region: it parts a room from a corridor that is
+    hardly narrower."""
+
+    @classmethod
+    def paper(cls) -> RegionConfig:
+        """Return the thresholds of the paper's split, to the letter."""
+        return cls(
+            # The paper gives neither n nor A_max. A doorway of a thick wall is no region, and r has
+            # half its effect for regions of 12 m², as in ours.
+            centre=12.0,
+            smallest_area=1.0,
+            bend=2.0 * math.pi,
+            width="area",
+            merging="neighbours",
+            keeps_small=False,
+        )
 
     def __post_init__(self) -> None:
         check_fields(self, _ABOVE_ONE, "threshold")
         check_fields(self, SHARE, "regularisation")
         check_fields(self, NOT_NEGATIVE, "centre")
         check_fields(self, POSITIVE, "smallest_area", "bend")
+        for name, known in (("width", _WIDTHS), ("merging", _MERGING)):
+            if getattr(self, name) not in known:
+                found = repr(getattr(self, name))
+                raise InputError(f"RegionConfig.{name}", f"one of {', '.join(known)}", found)
 
     @property
     def constants(self) -> Constants:
@@ -57,6 +96,9 @@ class RegionConfig:
             centre=float(self.centre),
             smallest_area=float(self.smallest_area),
             bend=float(self.bend),
+            by_area=self.width == "area",
+            by_neighbours=self.merging == "neighbours",
+            least_area=0.0 if self.keeps_small else float(self.smallest_area),
         )
 
 
@@ -128,8 +170,7 @@ def split_journey(
         return Regions(splits=np.zeros(1, np.int64), steps=lines)
     starts, faces, areas = ground.index
     seen = np.zeros(len(areas) + 1, np.int64)
-    ways = lines[:, 2:] - lines[:, :2]
-    lengths = np.hypot(*ways.T)
-    measures = StepMeasures(ways, lengths, widths, begins, starts, faces, areas, seen)
+    lengths = np.hypot(*(lines[:, 2:] - lines[:, :2]).T)
+    measures = StepMeasures(lines, lengths, widths, begins, starts, faces, areas, seen)
     bounds = split_and_merge(measures, config.constants)
     return Regions(splits=bounds, steps=lines)

@@ -15,6 +15,10 @@ from albot_core.kernels.compiled import kernel
 _ROUNDING = 1e-9
 """Values of h that differ by less than this are equal: of equal splits and merges the first is
 taken, independently of the journey's frame."""
+_SHORTEST = 0.05
+"""Minimum length by which an area is divided (m): a region may end where it began."""
+_SMALLEST = 0.01
+"""Minimum area that is divided by a length (m²); smaller faces of the ground are left out."""
 _CORRIDOR = 3.0
 """A piece of the way leads along a corridor if it is this many times as long as wide…"""
 _STRAIGHT = 0.9
@@ -34,13 +38,19 @@ class Constants(NamedTuple):
     """A_max (m²)."""
     bend: float
     """The smallest turn between two corridors at which they are split (rad)."""
+    by_area: bool
+    """Whether a region's width is its area by its length, not the mean width of its steps."""
+    by_neighbours: bool
+    """Whether two regions are merged by their h alone, not by the h inside the merged region."""
+    least_area: float
+    """The area of the smallest region (m²)."""
 
 
 class StepMeasures(NamedTuple):
     """The data from which the areas and lengths of all regions of a journey are computed."""
 
-    ways: np.ndarray
-    """(steps, 2): the vector from the beginning of each step to its end (m)."""
+    lines: np.ndarray
+    """(steps, 4): the robot's position at the beginning and at the end of each step (m)."""
     lengths: np.ndarray
     """(steps,): the length of each step (m)."""
     widths: np.ndarray
@@ -67,10 +77,15 @@ def split_and_merge(measures: StepMeasures, constants: Constants) -> np.ndarray:
     is_split = is_bend.copy()
     before, after, residuals = np.empty((2, steps)), np.empty((2, steps)), np.empty(steps)
     split(measures, constants, is_split, before, after)
-    splits = np.flatnonzero(is_split)
-    count = merge(measures, constants, is_bend, splits, before, after, residuals)
-    shift(measures, constants, is_bend, splits[: count + 1], before, after)
-    return splits[: count + 1].copy()
+    splits, is_small = np.flatnonzero(is_split), np.empty(steps, np.bool_)
+    count = steps + 1
+    # A shift may make two neighbours homogeneous, so what is shifted is merged again.
+    while splits.shape[0] - 1 < count:
+        count = splits.shape[0] - 1
+        left = merge(measures, constants, is_bend, splits, before, after, residuals, is_small)
+        splits = splits[: left + 1].copy()
+        shift(measures, constants, is_bend, splits, before, after)
+    return splits
 
 
 @kernel()
@@ -129,8 +144,8 @@ def corridor(measures: StepMeasures, first: int, onward: int) -> tuple[bool, flo
     while 0 <= step < measures.lengths.shape[0]:
         length += measures.lengths[step]
         swaths += measures.lengths[step] * measures.widths[step]
-        east += measures.ways[step, 0]
-        north += measures.ways[step, 1]
+        east += measures.lines[step, 2] - measures.lines[step, 0]
+        north += measures.lines[step, 3] - measures.lines[step, 1]
         if length * length >= _CORRIDOR * swaths:
             return math.hypot(east, north) >= _STRAIGHT * length, east, north
         step += onward
@@ -171,30 +186,49 @@ def merge(
     before: np.ndarray,
     after: np.ndarray,
     residuals: np.ndarray,
+    is_small: np.ndarray,
 ) -> int:
     """Merge the two neighbours that form the most homogeneous region, while its h is at most θ_r.
 
-    Corridors round a bend are not merged. Returns the number of regions left.
+    A region smaller than the smallest one is merged whatever its h, and first. Corridors round a
+    bend are not merged. Returns the number of regions left.
     """
     count = int(splits.shape[0]) - 1
+    for k in range(count):
+        is_small[k] = area_of(measures, splits[k], splits[k + 1]) < constants.least_area
     for k in range(count - 1):
-        residuals[k] = merged(measures, constants, is_bend, splits[k : k + 3], before, after)
+        three = splits[k : k + 3]
+        residuals[k] = merged(measures, constants, is_bend, three, before, after)
     while count > 1:
-        k = 0
-        for other in range(1, count - 1):
-            if residuals[other] < residuals[k] - _ROUNDING:
-                k = other
-        if residuals[k] > constants.threshold:
+        k, holds_small = next_pair(residuals[: count - 1], is_small)
+        if residuals[k] == math.inf or (residuals[k] > constants.threshold and not holds_small):
             break
+        is_small[k] = area_of(measures, splits[k], splits[k + 2]) < constants.least_area
         for other in range(k + 1, count):
             splits[other] = splits[other + 1]
         count -= 1
+        for other in range(k + 1, count):
+            is_small[other] = is_small[other + 1]
         for other in range(k, count - 1):
             residuals[other] = residuals[other + 1]
         for other in range(max(k - 1, 0), min(k + 1, count - 1)):
             three = splits[other : other + 3]
             residuals[other] = merged(measures, constants, is_bend, three, before, after)
     return count
+
+
+@kernel()
+def next_pair(residuals: np.ndarray, is_small: np.ndarray) -> tuple[int, bool]:
+    """Return the first of the two neighbours to be merged next, and whether one is too small."""
+    k, holds_small = 0, False
+    for other in range(residuals.shape[0]):
+        if residuals[other] == math.inf:
+            continue
+        has_small = is_small[other] or is_small[other + 1]
+        is_better = residuals[other] < residuals[k] - _ROUNDING
+        if (has_small and not holds_small) or (has_small == holds_small and is_better):
+            k, holds_small = other, has_small
+    return k, holds_small
 
 
 @kernel()
@@ -206,10 +240,22 @@ def merged(
     before: np.ndarray,
     after: np.ndarray,
 ) -> float:
-    """Return the residual of two neighbours after merging; infinite at a bend."""
+    """Return the residual of two neighbours after merging; infinite at a bend.
+
+    The paper merges "two adjacent parts" where the residual of the merged part is small (section
+    2.1, step 3), and says of its h that it tells "whether two adjacent regions can be merged"
+    (section 2.2): ours is the first, h of the best split of the merged region; the letter is the
+    second, h of the two regions as they are (`RegionConfig.merging`).
+    """
     if is_bend[splits[1]]:
         return math.inf
-    return float(residual(measures, constants, splits[0], splits[2], before, after)[1])
+    if not constants.by_neighbours:
+        return float(residual(measures, constants, splits[0], splits[2], before, after)[1])
+    measure_from(measures, constants, splits[0], splits[1], before)
+    measure_until(measures, constants, splits[1], splits[2], after)
+    area, width = before[0, splits[1] - 1], before[1, splits[1] - 1]
+    other, other_width = after[0, splits[1]], after[1, splits[1]]
+    return float(homogeneity(area, width, other, other_width, constants))
 
 
 @kernel()
@@ -221,13 +267,18 @@ def residual(
     before: np.ndarray,
     after: np.ndarray,
 ) -> tuple[int, float]:
-    """Return the step that splits a region into the most different parts, and h (0 for none)."""
-    measure_from(measures, first, last, before)
-    measure_until(measures, first, last, after)
+    """Return the step that splits a region into the most different parts, and h (0 for none).
+
+    No part is smaller than the smallest region.
+    """
+    measure_from(measures, constants, first, last, before)
+    measure_until(measures, constants, first, last, after)
     best, greatest = first, 0.0
     for middle in range(first + 1, last):
         area, width = before[0, middle - 1], before[1, middle - 1]
         other, other_width = after[0, middle], after[1, middle]
+        if min(area, other) < constants.least_area:
+            continue
         h = homogeneity(area, width, other, other_width, constants)
         if h > greatest + _ROUNDING:
             best, greatest = middle, h
@@ -249,27 +300,43 @@ def shift(
     regions as estimates of the widths of their steps. As in h ratios count, so widths are compared
     by their logarithms. The sum over all regions falls with each shift, so the loop ends.
 
-    A split point is not shifted if one of the regions would then have to be split again. Otherwise
-    one that separates a doorway from a room may move to the end of a distant corridor that was
-    merged with that room, and the doorway would become part of the room.
+    A split point is not shifted if one of the regions would then have to be split again, which is
+    ours. Otherwise one that separates a narrow part from a room may move to the end of a distant
+    corridor that was merged with that room, and the narrow part would become part of the room.
     """
     moved = True
     while moved:
         moved = False
         for k in range(1, splits.shape[0] - 1):
             first, last = splits[k - 1], splits[k + 1]
-            best = best_split(measures, first, splits[k], last)
+            best = best_split(measures, constants, first, splits[k], last, before, after)
             if best == splits[k] or is_bend[splits[k]]:
                 continue
-            one = residual(measures, constants, first, best, before, after)[1]
-            other = residual(measures, constants, best, last, before, after)[1]
-            if max(one, other) <= constants.threshold:
+            greatest = 0.0
+            if not constants.by_neighbours:
+                one = residual(measures, constants, first, best, before, after)[1]
+                other = residual(measures, constants, best, last, before, after)[1]
+                greatest = max(one, other)
+            if greatest <= constants.threshold:
                 splits[k], moved = best, True
 
 
 @kernel()
-def best_split(measures: StepMeasures, first: int, here: int, last: int) -> int:
-    """Return the best split point of two neighbours, `here` if no other is better."""
+def best_split(
+    measures: StepMeasures,
+    constants: Constants,
+    first: int,
+    here: int,
+    last: int,
+    before: np.ndarray,
+    after: np.ndarray,
+) -> int:
+    """Return the best split point of two neighbours, `here` if no other is better.
+
+    Neither part is smaller than the smallest region.
+    """
+    measure_from(measures, constants, first, last, before)
+    measure_until(measures, constants, first, last, after)
     whole = rest = 0.0
     for step in range(first, last):
         whole += measures.lengths[step]
@@ -284,31 +351,63 @@ def best_split(measures: StepMeasures, first: int, here: int, last: int) -> int:
         explained = summed**2 / length + (rest - summed) ** 2 / (whole - length)
         if middle == here:
             present = explained
-        if explained > greatest + _ROUNDING:
+        smaller = min(before[0, middle - 1], after[0, middle])
+        if smaller >= constants.least_area and explained > greatest + _ROUNDING:
             best, greatest = middle, explained
     return best if greatest > present + _ROUNDING else here
 
 
 @kernel()
-def measure_from(measures: StepMeasures, first: int, last: int, measured: np.ndarray) -> None:
+def area_of(measures: StepMeasures, first: int, last: int) -> float:
+    """Return the area of the region from `first` to before `last` (m²)."""
+    area, latest = 0.0, next_sum(measures)
+    for step in range(first, last):
+        area += not_counted(measures, step, latest)
+    return area
+
+
+@kernel()
+def measure_from(
+    measures: StepMeasures, constants: Constants, first: int, last: int, measured: np.ndarray
+) -> None:
     """Set `measured[:, k]` to the area and average width of the region from `first` to step k."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(measures)
     for step in range(first, last):
         area += not_counted(measures, step, latest)
         length += measures.lengths[step]
         swaths += measures.lengths[step] * measures.widths[step]
-        measured[0, step], measured[1, step] = area, swaths / length
+        measured[0, step] = area
+        measured[1, step] = swaths / length
+        if constants.by_area:
+            measured[1, step] = average_width(measures, area, first, step)
 
 
 @kernel()
-def measure_until(measures: StepMeasures, first: int, last: int, measured: np.ndarray) -> None:
+def measure_until(
+    measures: StepMeasures, constants: Constants, first: int, last: int, measured: np.ndarray
+) -> None:
     """Set `measured[:, k]` to the area and width of the region from step k to before `last`."""
     area, length, swaths, latest = 0.0, 0.0, 0.0, next_sum(measures)
     for step in range(last - 1, first - 1, -1):
         area += not_counted(measures, step, latest)
         length += measures.lengths[step]
         swaths += measures.lengths[step] * measures.widths[step]
-        measured[0, step], measured[1, step] = area, swaths / length
+        measured[0, step] = area
+        measured[1, step] = swaths / length
+        if constants.by_area:
+            measured[1, step] = average_width(measures, area, step, last - 1)
+
+
+@kernel()
+def average_width(measures: StepMeasures, area: float, first: int, last: int) -> float:
+    """Return f_w = A / l of equation (1) for the region from step `first` to step `last` (m).
+
+    l is the straight line "connecting the start point of the first robot path of a region and the
+    end point of the last path", so it is shorter than the way where the region folds back.
+    """
+    east = measures.lines[last, 2] - measures.lines[first, 0]
+    north = measures.lines[last, 3] - measures.lines[first, 1]
+    return max(area, _SMALLEST) / max(math.hypot(east, north), _SHORTEST)
 
 
 @kernel()

@@ -119,9 +119,9 @@ SCHEMA = Schema(
     Field("weights", "cues", at="_fusion.weights", least=0),
     Field("confidences", "asrs"),
     Field("beliefs", "beliefs 4", int, at=None, least=(0, 0, -1, 0), most=(2**53,) * 3 + (1,)),
-    Field("believed", "beliefs 2", at=None),
-    parts=("_trail",),
+    Field("believed", "beliefs 3", at=None, least=-1.0),
     rules=(_check_path, _check_ways, _check_beliefs),
 )
 """Rows of `beliefs` are a reading, a place, its rival, and whether the robot is sure; rows of
-`believed` are the confidences of both places."""
+`believed` are the confidences of both places, and the probability that the frame was kept, -1 if
+there is no trail."""

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Poses, Segments
 from albot_core.kernels.compiled import kernel
 
 PLACES, SONARS = 6, 8
@@ -68,6 +68,12 @@ class Steps:
         left = swaths[:, (0, 3)].reshape(-1, 4)[self.walled[:, 0]]
         right = swaths[:, (1, 2)].reshape(-1, 4)[self.walled[:, 1]]
         return np.concatenate((left, right))
+
+
+def end_poses(lines: Segments) -> Poses:
+    """Return the poses at the ends of steps, in the directions in which the steps lead."""
+    ways = lines[:, 2:] - lines[:, :2]
+    return np.column_stack((lines[:, 2:], np.arctan2(ways[:, 1], ways[:, 0])))
 
 
 NO_STEPS = Steps(

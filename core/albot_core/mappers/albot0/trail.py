@@ -15,20 +15,20 @@ in that paper, all particles share one map.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Int64
 
 from albot_core.geometry.poses import compose, inverse, relative
-from albot_core.geometry.types import Poses, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.particles import Particles
 from albot_core.mappers.albot0.paths import FARTHEST
+from albot_core.mappers.albot0.relocalisation import DoubtConfig, Errors, relocalise
 from albot_core.mappers.albot0.state import all_steps
-from albot_core.mappers.albot0.steps import NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.steps import NO_STEPS, Steps, end_poses, join_steps
 from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
 from albot_core.mappers.stored import Stored
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
@@ -74,6 +74,8 @@ class TrailConfig:
     remembered: int = 40
     """Number of steps of its path that each particle remembers, at most 1000. Earlier steps are no
     longer changed."""
+    doubt: DoubtConfig = field(default_factory=DoubtConfig)
+    """How it is found out whether the odometer's frame was lost where the robot turned round."""
 
     def __post_init__(self) -> None:
         check_fields(self, _PARTICLES, "particles")
@@ -104,6 +106,7 @@ class Trail(Stored):
         steps: The most likely path.
         particles: The possible poses at its end.
         frame: The pose of the trail's frame in the odometer's frame.
+        kept: The probability that the odometer kept its frame where the robot was told to return.
 
     Args:
         config: Thresholds of the particle filter.
@@ -117,19 +120,41 @@ class Trail(Stored):
         ),
         Field("trail.drawn", "remembered particles", int, at=None, least=0, below="particles"),
         Field("trail.weights", "particles", at="particles.weights", above=0),
+        Field("trail.starts", "particles 3", least=-2 * FARTHEST, most=2 * FARTHEST),
+        Field("trail.turned", "", int, least=0, most="trail"),
+        Field("trail.kept", "", at="kept", least=0, most=1),
+        Field("trail.has_modes", "", bool, at="particles.has_modes"),
         rules=(_check_trail,),
     )
 
     def __init__(self, config: TrailConfig, rng: np.random.Generator) -> None:
         self._config = config
+        self._rng = rng
         self.steps = NO_STEPS
         self.particles = Particles(np.zeros(3), config.particles, rng)
         self.frame = np.zeros(3)
         self._latest = np.zeros(3)
+        self.kept = 1.0
+        # Where the robot was told to turn round: the number of steps before, 0 if it was not; and
+        # the possible poses there.
+        self._turned = 0
+        self._starts = self.particles.poses.copy()
+        # The pose there by the odometer, and the steps since then by the odometer.
+        self._turned_at = self._latest
+        self._home = NO_STEPS
         # The particles' poses at the end of each step, and which of them were drawn there. The
         # latest step uses the row of the oldest.
         self._past = np.empty((config.remembered, config.particles, 3))
         self._drawn = np.empty((config.remembered, config.particles), np.int64)
+
+    def turn_round(self) -> None:
+        """Doubt, from now on, whether the odometer goes on in its frame."""
+        self._turned, self._turned_at, self._home = len(self.steps.lines), self._latest, NO_STEPS
+        if self._turned:
+            row = (self._turned - 1) % self._config.remembered
+            self._drawn[row] = self._drawn[row, self.particles.draw()]
+        self._starts = self.particles.poses.copy()
+        self.kept = 1.0
 
     def extend(self, steps: Steps) -> None:
         """Follow the robot along its next steps, given in the odometer's frame."""
@@ -147,9 +172,47 @@ class Trail(Stored):
             row = (len(self.steps.lines) + step) % config.remembered
             self._past[row] = particles.poses
             self._drawn[row] = particles.resample()
-        self._latest = poses[-1]
         self.steps = join_steps(self.steps, steps)
+        if self._turned:
+            self._home = join_steps(self._home, steps)
+            self._doubt_frame()
+        self._latest = poses[-1]
         self._lay_out()
+
+    def _doubt_frame(self) -> None:
+        """Compare the way home with the way out, in the odometer's frame and in others.
+
+        While the frame is in doubt, all of the way home is compared anew at every stop. If another
+        frame is likelier, the particles are drawn anew.
+        """
+        config, home, count = self._config, self._home, len(self._home.lines)
+        lengths = np.hypot(*(home.lines[:, 2:] - home.lines[:, :2]).T)
+        if not config.doubt.lost or lengths.sum() > config.doubt.way or count >= config.remembered:
+            return
+        errors = Errors(
+            config.drift, config.turned, config.slip, config.spread, config.through_surface
+        )
+        out = self.steps.part(slice(0, self._turned))
+        found = relocalise(
+            starts=self._starts,
+            turned_at=self._turned_at,
+            home=home,
+            out=out,
+            errors=errors,
+            config=config.doubt,
+            rng=self._rng,
+        )
+        self.kept = found.kept
+        self.particles.has_modes |= found.kept < config.doubt.least
+        if self.particles.has_modes:
+            rows = self._rows(len(self.steps.lines))[-count:]
+            self._past[rows] = found.paths
+            self._drawn[rows] = np.arange(config.particles)
+            before = (self._turned - 1) % config.remembered
+            self._drawn[before] = self._drawn[before, found.starts]
+            self._starts = self._starts[found.starts]
+            self.particles.poses = found.paths[-1].copy()
+            self.particles.weights = np.full(config.particles, 1.0 / config.particles)
 
     def _heard_before(self) -> Steps:
         """Return the steps whose echoes the robot may hear again, without the latest steps."""
@@ -165,7 +228,7 @@ class Trail(Stored):
         rows = self._rows(len(self.steps.lines))
         # The array of lines was made by the join just before, so nothing else refers to it.
         latest = self.steps.lines[-len(rows) :]
-        _lay_along(latest, self._past, self._drawn, rows, self.particles.weights)
+        _lay_along(latest, self._past, self._drawn, rows, self.particles.likeliest)
         self.frame = compose(self._latest, inverse(self.particles.mean))
 
     def _rows(self, steps: int) -> Int64[np.ndarray, "remembered"]:
@@ -195,12 +258,9 @@ class Trail(Stored):
             self.particles.poses = self._past[rows[-1], self._drawn[rows[-1]]]
             self._latest = end_poses(steps.lines[-1:])[0]
             self.frame = compose(self._latest, inverse(self.particles.mean))
-
-
-def end_poses(lines: Segments) -> Poses:
-    """Return the poses at the ends of steps, in the directions in which the steps lead."""
-    ways = lines[:, 2:] - lines[:, :2]
-    return np.column_stack((lines[:, 2:], np.arctan2(ways[:, 1], ways[:, 0])))
+        if self._turned:
+            self._turned_at = end_poses(steps.lines[self._turned - 1 : self._turned])[0]
+            self._home = steps.part(slice(self._turned, None))
 
 
 @kernel(arrays=True)
@@ -224,11 +284,13 @@ def _lay_along(
         for k in range(shares.shape[0]):
             earlier[drawn[row, k]] += shares[k]
         shares, earlier = earlier, shares
-        east = north = heading = 0.0
+        east = north = cos = sin = 0.0
         for k in range(shares.shape[0]):
             east += shares[k] * past[row, k, 0]
             north += shares[k] * past[row, k, 1]
-            heading += shares[k] * past[row, k, 2]
+            cos += shares[k] * math.cos(past[row, k, 2])
+            sin += shares[k] * math.sin(past[row, k, 2])
+        heading = math.atan2(sin, cos)
         x, y, to_x, to_y = lines[step]
         length = math.hypot(to_x - x, to_y - y)
         lines[step, 0], lines[step, 2] = east - length * math.cos(heading), east

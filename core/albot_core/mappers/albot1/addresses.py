@@ -57,7 +57,11 @@ def addresses_of(arrays: MapperArrays) -> Int64[np.ndarray, "columns"]:
 
 _numbers, _pairs, _lines = array_at(), array_at(2), array_at(4)
 _integers, _integer_pairs = array_at(kind=types.int64), array_at(2, kind=types.int64)
-_shorts, _short_pairs = array_at(kind=types.int32), array_at(2, kind=types.int32)
+_shorts, _short_pairs, _short_triples = (
+    array_at(kind=types.int32),
+    array_at(2, kind=types.int32),
+    array_at(3, kind=types.int32),
+)
 _edge_pairs, _truths = array_at(2, kind=types.int8), array_at(kind=types.boolean)
 
 
@@ -71,7 +75,7 @@ def map_at(table: np.ndarray) -> PerceptualMap:
         _integers(table[at + 2], capacity),
         _shorts(table[at + 3], capacity),
         _shorts(table[at + 4], capacity),
-        _short_pairs(table[at + 5], capacity),
+        _short_triples(table[at + 5], capacity),
         _shorts(table[at + 6], capacity),
         _shorts(table[at + 7], 2 * capacity),
         _short_pairs(table[at + 8], 2 * capacity),

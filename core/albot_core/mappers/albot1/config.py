@@ -42,6 +42,7 @@ class Albot1Limits(NamedTuple):
     max_exit_width: float
     compare_spacing: float
     compare_turn: float
+    compares_at_updates: bool
     turn_cost: float
     turn_scale: float
     unsure: float
@@ -74,6 +75,13 @@ class PlacesConfig:
     """…but at least this number…"""
     max_reobserved: int = 8
     """…and at most this number. The thesis says only that n grows with the place's size."""
+    counts_by_place: bool = False
+    """Whether the surfaces observed again are counted for their place, over all visits to it
+    (section 4.1.2: "to which places these surfaces belong"). If off, each visit counts alone,
+    because the map may have drifted between two visits. On in the thesis."""
+    candidates_seen_through_exits: bool = True
+    """Whether, when the robot enters a new place, the places that were candidates just before are
+    candidates still, although nothing more of them is observed. Off in the thesis."""
     candidates_by_position: bool = True
     """Whether, when the robot enters a new place, the known places whose bounding box holds its
     estimated position are candidates as well. Off in the thesis."""
@@ -82,12 +90,26 @@ class PlacesConfig:
     probability is computed."""
     expects_drift: bool = True
     """Whether the map may have drifted. The distance at which a known exit or place is accepted
-    then grows with the distance travelled since the map was last aligned, and the robot may have
-    entered the next place unnoticed. Off in `albot1-thesis` and `albot1-tracked`."""
+    then grows with the distance travelled since the map was last aligned. Off in `albot1-thesis`
+    and `albot1-tracked`."""
+    mends_missed_crossings: bool = True
+    """Whether a robot that crosses a known exit of its place from the outside, or (with
+    `expects_drift`) an exit of the next place, is taken to have gone out unnoticed. If off, it
+    enters a new place. Off in the thesis."""
+    must_stand_within: bool = True
+    """Whether places are one only if the robot would stand within the other place, on the inner
+    side of all its exits, where no probability is computed. Off in the thesis."""
+    keeps_believed_pose: bool = True
+    """Whether a recognised place is laid where the map expects it, if at most one surface fewer
+    matches there. If off, it is always laid where it was found, as in the thesis and in
+    `albot1-tracked`."""
     compare_spacing: float = 0.7
     """Places are compared again after the robot has moved this far (m)…"""
     compare_turn: float = np.radians(45.0)
     """…or turned this far (rad)."""
+    compares_at_updates: bool = False
+    """Whether places are instead compared whenever a view is laid over the map (section 4.1.2), and
+    only then. On in `albot1-thesis` and `albot1-tracked`."""
     uses_expected_exits: bool = True
     """Whether known exits are crossed where they are expected, even if they are not seen. Off in
     the thesis."""
@@ -130,6 +152,12 @@ class PlacesConfig:
             uses_expected_exits=False,
             aligns_by_exit_seen=True,
             expects_drift=False,
+            counts_by_place=True,
+            candidates_seen_through_exits=False,
+            mends_missed_crossings=False,
+            must_stand_within=False,
+            keeps_believed_pose=False,
+            compares_at_updates=True,
         )
 
 
@@ -280,7 +308,12 @@ class Albot1Config:
         """Return the thresholds of `albot1-tracked`, which localises by all tracked landmarks."""
         return cls(
             view=ViewConfig(fit_lines=True, grazing_ends=True),
-            places=PlacesConfig(min_probability=0.0, expects_drift=False),
+            places=PlacesConfig(
+                min_probability=0.0,
+                expects_drift=False,
+                keeps_believed_pose=False,
+                compares_at_updates=True,
+            ),
             view_spacing=0.0,
             view_turn=0.0,
             margin=0.40,
@@ -309,3 +342,8 @@ class Albot1Config:
     def compare_turn(self) -> float:
         """The angle that the robot turns between two comparisons of places (rad)."""
         return self.places.compare_turn
+
+    @property
+    def compares_at_updates(self) -> bool:
+        """Whether places are compared at updates of the map, and only then."""
+        return self.places.compares_at_updates

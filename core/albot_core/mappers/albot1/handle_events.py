@@ -12,6 +12,7 @@ from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
 from albot_core.mappers.albot1.perceptual_map.mapping import update_map
 from albot_core.mappers.albot1.perceptual_map.memory import (
+    CANDIDATE,
     GATE,
     USED,
     VISIT,
@@ -22,7 +23,11 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 from albot_core.mappers.albot1.places.exits import ExitMemory, leave_exits
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import reversed_line
-from albot_core.mappers.albot1.places.recognition import candidate_gates, recognize_place
+from albot_core.mappers.albot1.places.recognition import (
+    candidate_gates,
+    counting_visits,
+    recognize_place,
+)
 from albot_core.mappers.albot1.places.relocalisation import Sight, relocalise
 from albot_core.mappers.albot1.places.visits import (
     begin_visit,
@@ -94,9 +99,16 @@ def _cross_exit(robot: RobotMemory, limits: Albot1Limits) -> None:
     seen = seen_since(pm, int(pm.counts[VISIT]))
     robot.network.remember_place(robot.step, line, seen, view.pose, exits)
     leave_exits(robot.exits, *view.pose[:2])
-    begin_visit(pm, candidate_gates(robot.network, view.pose))
+    begin_visit(pm, *_candidate_rules(robot))
     enter_place(pm, view, limits)  # Alg. 5, line 16
     _note_update(robot)
+    if limits.compares_at_updates and pm.counts[CANDIDATE] > 0:
+        _compare(robot)
+
+
+def _candidate_rules(robot: RobotMemory) -> tuple[np.ndarray, np.ndarray]:
+    """Return each visit's gate, and the visit for which its surfaces count."""
+    return candidate_gates(robot.network, robot.view.pose), counting_visits(robot.network)
 
 
 def _forget_visits(robot: RobotMemory) -> None:
@@ -122,8 +134,8 @@ def _compare(robot: RobotMemory) -> None:
     drop_candidates(pm)
     exits = robot.exits.lines[: robot.exits.counts[0]]
     seen = _seen_from(robot, int(pm.counts[VISIT]))
-    if recognize_place(network, step, reobserved, seen, exits, pose):
-        reset_candidates(pm, candidate_gates(network, pose))
+    if recognize_place(network, step, reobserved[:, : GATE + 1], seen, exits, pose):
+        reset_candidates(pm, *_candidate_rules(robot))
 
 
 def _seen_from(robot: RobotMemory, visit: int) -> Segments:
@@ -145,7 +157,7 @@ def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
     seen = pm.surfaces[:used][before & present & living(pm)]
     _forget_visits(robot)
     network.start_anew(robot.step, seen, view.pose)
-    begin_visit(pm, candidate_gates(network, view.pose))
+    begin_visit(pm, *_candidate_rules(robot))
     update_map(pm, view, limits)
     _note_update(robot)
 
@@ -163,4 +175,4 @@ def _relocalise(robot: RobotMemory) -> None:
     compose_pose(motion, view.pose.copy(), view.pose)
     robot.pose[:] = view.pose
     robot.exits.counts[:] = 0
-    reset_candidates(pm, candidate_gates(network, robot.view.pose))
+    reset_candidates(pm, *_candidate_rules(robot))

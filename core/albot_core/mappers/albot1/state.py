@@ -11,6 +11,7 @@ import numpy as np
 
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import (
+    COUNTED_FOR,
     FREE,
     MAP_ROOM_AT_FIRST,
     NOT_RECOGNIZED,
@@ -59,6 +60,9 @@ def _check_slots(state: Arrays, sizes: Sizes) -> None:
     marks = state["memory.marks"][alive]
     is_right = ((marks >= 1) & (marks <= visit)).all()
     refuse_unless(is_right, "memory.marks", f"visits from 1 to {visit}")
+    counted_for = state["memory.met"][:, COUNTED_FOR]
+    is_right = ((counted_for >= 0) & (counted_for <= visit)).all()
+    refuse_unless(is_right, "memory.met", f"surfaces that count for visits up to {visit}")
     is_right = np.array_equal(np.sort(state["memory.free"]), np.flatnonzero(~alive))
     refuse_unless(is_right, "memory.free", "exactly the slots without a surface")
     is_right = np.isfinite(surfaces[alive]).all() and np.isnan(surfaces[~alive]).all()
@@ -79,7 +83,7 @@ MAP = Schema(
     Field("memory.ids", "slots", int, least=-1, below="next_id"),
     Field("memory.marks", "slots", np.int32),
     Field("memory.met_in", "slots", np.int32),
-    Field("memory.met", "visit+1 2", np.int32),
+    Field("memory.met", "visit+1 3", np.int32),
     Field("memory.free", "freed", np.int32),
     Pack(
         "memory.counts",

@@ -220,7 +220,7 @@ def _step_view(
         return False
     x, y = previous.pose[0], previous.pose[1]
     robots.next_ids[row] = pm.counts[NEXT_ID]
-    odometer = robots.odometers[row]
+    odometer, updates = robots.odometers[row], progress.updates
     map_step(pm, previous, current, since, limits, progress, odometer, settings.beam_model, buffers)
     copy_view(current, previous)
     exits, pose = exits_at(robots.table[row]), current.pose
@@ -231,7 +231,9 @@ def _step_view(
         robots.events[row] += KIDNAPPED
     elif progress.inconsistent == 0 and cross_exit(exits, x, y, pose):
         robots.events[row] += CROSSED
-    elif keep_or_drop_candidate(pm, exits, compared_from, is_lost, pose, limits):
+    elif keep_or_drop_candidate(
+        pm, exits, compared_from, is_lost, pose, progress.updates > updates, limits
+    ):
         robots.events[row] += REVISITING
     robots.surfaces[row] = pm.counts[ALIVE]
     for i in range(3):

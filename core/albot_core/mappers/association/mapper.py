@@ -7,19 +7,23 @@ surfaces are carried over by their positions relative to the landmarks near them
 map are never moved: errors are not corrected. The odometer is used only for the motion from one
 view to the next.
 
-The files: `landmarks.py` is the frame of reference, `global_map.py` the map, `surfaces.py` the
-geometry of both, `odometer.py` a model of the odometer's turns.
+`LandmarkAssociation.update` is the paper's algorithm. `AssociationPaper` (`paper.py`) takes its two
+steps to the letter. `Association` matches scans in the paper's spirit: all landmarks of a view
+together tell the motion, and where a new surface lies. Its files: `landmarks.py` is the frame of
+reference, `global_map.py` the map, `odometer.py` a model of the odometer's turns. `surfaces.py` is
+the geometry of both mappers.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.geometry.poses import compose, inverse, transform_segments
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.association.global_map import UNKNOWN, MapLimits, carry_over, normalise
 from albot_core.mappers.association.landmarks import ExpectedMotion, identify_landmarks
 from albot_core.mappers.association.odometer import OdometerModel
@@ -50,8 +54,8 @@ def _view() -> ViewConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssociationConfig:
-    """Thresholds of landmark association."""
+class LandmarkConfig:
+    """Thresholds that both mappers have."""
 
     view: ViewConfig = field(default_factory=_view)
     """How surfaces are found in a scan. As in the paper, points over 1.2 m apart begin a new
@@ -63,12 +67,22 @@ class AssociationConfig:
     """…or turned at least this far (rad). The paper's robot stops after 3 m or 30° at most, and
     moved 1.3 m from view to view."""
     angle: float = np.radians(10.0)
-    """Largest angle between two matching surfaces (rad), as in the paper. Half of it is the minimum
-    standard deviation of the odometer's turn from view to view; that is ours."""
+    """Largest angle between two matching surfaces (rad), as in the paper. In `association` half of
+    it is the minimum standard deviation of the odometer's turn from view to view; that is ours."""
     closeness: float = 0.4
     """Largest distance between two matching surfaces (m). The paper says "close"; the value is
-    ours. Half of it is the standard deviation of the odometer's x and y from view to view; that is
-    ours, too."""
+    ours. In `association` half of it is the standard deviation of the odometer's x and y from view
+    to view; that is ours, too."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, NOT_NEGATIVE, "spacing", "turn")
+        check_fields(self, _TOLERANCE, "angle", "closeness")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssociationConfig(LandmarkConfig):
+    """Thresholds of `association`."""
+
     corner: float = 0.2
     """Two crossing surfaces meet at a corner, and both are kept, if one of them ends within this
     distance beyond the crossing (m). Ours: the paper leaves out any surface that intersects
@@ -85,8 +99,9 @@ class AssociationConfig:
     Ours."""
 
     def __post_init__(self) -> None:
-        check_fields(self, NOT_NEGATIVE, "spacing", "turn", "corner", "map_slope")
-        check_fields(self, _TOLERANCE, "angle", "closeness", "map_turn", "map_shift")
+        super().__post_init__()
+        check_fields(self, NOT_NEGATIVE, "corner", "map_slope")
+        check_fields(self, _TOLERANCE, "map_turn", "map_shift")
 
     @property
     def map_limits(self) -> MapLimits:
@@ -101,6 +116,18 @@ _SURE_TURN = np.radians(1.0)
 Ours."""
 _SOME_LENGTH = (1e-300, LONGEST)
 """Valid lengths of line segments, which exclude points (m)."""
+_FIELDS = (
+    Field("pose", "3"),
+    Field("view_pose", "3"),
+    Field("motion", "3"),
+    Pack("counts", int, Field("views", least=0), Field("is_lost", "", bool)),
+    Field("surfaces", "surfaces 4", at="_store", used="_count", lengths=_SOME_LENGTH),
+    Field("lengths", "surfaces", used="_count", above=0),
+    Field("view.surfaces", "seen 4", at="_view", lengths=_SOME_LENGTH),
+    Field("view.lengths", "seen", at="_view_lengths", above=0),
+    Field("view.ids", "seen", int, at="_ids", least=UNKNOWN, below="surfaces"),
+)
+"""The arrays of a state."""
 
 
 def _check_ids(state: Arrays, sizes: Sizes) -> None:
@@ -109,31 +136,16 @@ def _check_ids(state: Arrays, sizes: Sizes) -> None:
     refuse_unless(len(np.unique(known)) == len(known), "view.ids", "each surface once", known)
 
 
-class Association(StoredMapper):
-    """Mapping by landmark association.
+class LandmarkAssociation(StoredMapper, ABC):
+    """Mapping by landmark association; how landmarks tell a position is up to the mapper.
 
     Args:
         config: All thresholds.
         name: The name under which the mapper is registered.
     """
 
-    config: AssociationConfig
-    SCHEMA = Schema(
-        Field("pose", "3"),
-        Field("view_pose", "3"),
-        Field("motion", "3"),
-        Pack("counts", int, Field("views", least=0), Field("is_lost", "", bool)),
-        Field("odometer", "4", at="_odometer.sums", least=(-np.inf, 0, 0, 0)),
-        Field("surfaces", "surfaces 4", at="_store", used="_count", lengths=_SOME_LENGTH),
-        Field("lengths", "surfaces", used="_count", above=0),
-        Field("view.surfaces", "seen 4", at="_view", lengths=_SOME_LENGTH),
-        Field("view.lengths", "seen", at="_view_lengths", above=0),
-        Field("view.ids", "seen", int, at="_ids", least=UNKNOWN, below="surfaces"),
-        rules=(_check_ids,),
-    )
-
-    def __init__(self, config: AssociationConfig | None = None, name: str = "association") -> None:
-        super().__init__(config or AssociationConfig(), name)
+    config: LandmarkConfig
+    SCHEMA = Schema(*_FIELDS, rules=(_check_ids,))
 
     @property
     def estimate(self) -> Estimate:
@@ -154,7 +166,6 @@ class Association(StoredMapper):
         self._motion = np.zeros(3)
         self._views = 0
         self._is_lost = False
-        self._odometer = OdometerModel(0.5 * self.config.angle)
         self._view: Segments = np.empty((0, 4))
         self._view_lengths: Float64[np.ndarray, "seen"] = np.empty(0)
         self._ids: Int64[np.ndarray, "seen"] = np.empty(0, np.int64)
@@ -175,7 +186,7 @@ class Association(StoredMapper):
         laser = reading.required_laser(self._name)
         if self._views:
             self._motion = compose(self._motion, reading.motion)
-            self._pose = compose(self._view_pose, self._odometer.expected(self._motion))
+            self._pose = compose(self._view_pose, self._expected_motion())
             if not self._is_view_due():
                 return False
         seen = construct_view(laser, self.config.view).surfaces
@@ -203,6 +214,11 @@ class Association(StoredMapper):
             return True
         return bool(np.hypot(x, y) >= self.config.spacing or abs(heading) >= self.config.turn)
 
+    def _expected_motion(self) -> Pose:
+        """Return the motion since the last view (m, m, rad)."""
+        return self._motion
+
+    @abstractmethod
     def _identify_landmarks(
         self, seen: Segments, lengths: Float64[np.ndarray, "segments"]
     ) -> tuple[Int64[np.ndarray, "segments"], Float64[np.ndarray, "before 4"]]:
@@ -212,27 +228,8 @@ class Association(StoredMapper):
         previous view in the coordinates of the current one: the two views of the frame of
         reference.
         """
-        config, count = self.config, len(seen)
-        motion, matched = np.empty(3), np.empty(count, np.int64)
-        expected = ExpectedMotion(
-            motion=self._odometer.expected(self._motion),
-            turn_sigma=self._odometer.turn_sigma,
-            shift_sigma=0.5 * config.closeness,
-        )
-        sigma = identify_landmarks(
-            Surfaces(self._view, self._view_lengths),
-            Surfaces(seen, lengths),
-            expected,
-            config.angle,
-            config.closeness,
-            motion,
-            matched,
-        )
-        if sigma < _SURE_TURN:
-            self._odometer.learn(self._motion, motion)
-        self._pose = compose(self._view_pose, motion)
-        return matched, transform_segments(inverse(motion), self._view)
 
+    @abstractmethod
     def _associate(
         self,
         seen: Segments,
@@ -240,27 +237,17 @@ class Association(StoredMapper):
         landmarks: Int64[np.ndarray, "segments"],
         view: Segments,
     ) -> Int64[np.ndarray, "segments"]:
-        """Update the map by the unknown surfaces; return the IDs of the current view's surfaces.
+        """Update the map by the unknown surfaces, and the robot's pose.
 
-        The robot's own position, which the paper shows but does not define, follows from the
-        landmarks, mainly from those near the robot.
+        Args:
+            seen: The surfaces as they are seen (robot's frame).
+            lengths: Their lengths (m).
+            landmarks: The ID of each landmark; `UNKNOWN` for other surfaces.
+            view: The surfaces, the landmarks normalised; the others are normalised here.
+
+        Returns:
+            The IDs of the surfaces.
         """
-        ids = landmarks.copy()
-        self._make_room(len(seen))
-        pose = np.empty(3)
-        self._count = carry_over(
-            Surfaces(seen, lengths),
-            landmarks,
-            self._pose,
-            self.config.map_limits,
-            Surfaces(self._store, self._lengths),
-            self._count,
-            view,
-            ids,
-            pose,
-        )
-        self._pose = pose
-        return ids
 
     def _bring_forward(
         self,
@@ -296,3 +283,85 @@ class Association(StoredMapper):
         surfaces = self._store[: self._count].copy()
         surfaces.flags.writeable = False
         return MapSnapshot(layers=(SegmentsLayer(segments=surfaces),))
+
+
+class Association(LandmarkAssociation):
+    """Matching of scans by their landmarks, in the spirit of landmark association.
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is registered.
+    """
+
+    config: AssociationConfig
+    SCHEMA = Schema(
+        *_FIELDS,
+        Field("odometer", "4", at="_odometer.sums", least=(-np.inf, 0, 0, 0)),
+        rules=(_check_ids,),
+    )
+
+    def __init__(self, config: AssociationConfig | None = None, name: str = "association") -> None:
+        super().__init__(config or AssociationConfig(), name)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. Draws no random number."""
+        super().reset(rng)
+        self._odometer = OdometerModel(0.5 * self.config.angle)
+
+    def _expected_motion(self) -> Pose:
+        """Return the motion since the last view without the odometer's drift (m, m, rad)."""
+        return self._odometer.expected(self._motion)
+
+    def _identify_landmarks(
+        self, seen: Segments, lengths: Float64[np.ndarray, "segments"]
+    ) -> tuple[Int64[np.ndarray, "segments"], Float64[np.ndarray, "before 4"]]:
+        """Match the views; the landmarks correct the odometer's motion, and are found again."""
+        config, count = self.config, len(seen)
+        motion, matched = np.empty(3), np.empty(count, np.int64)
+        expected = ExpectedMotion(
+            motion=self._expected_motion(),
+            turn_sigma=self._odometer.turn_sigma,
+            shift_sigma=0.5 * config.closeness,
+        )
+        sigma = identify_landmarks(
+            Surfaces(self._view, self._view_lengths),
+            Surfaces(seen, lengths),
+            expected,
+            config.angle,
+            config.closeness,
+            motion,
+            matched,
+        )
+        if sigma < _SURE_TURN:
+            self._odometer.learn(self._motion, motion)
+        self._pose = compose(self._view_pose, motion)
+        return matched, transform_segments(inverse(motion), self._view)
+
+    def _associate(
+        self,
+        seen: Segments,
+        lengths: Float64[np.ndarray, "segments"],
+        landmarks: Int64[np.ndarray, "segments"],
+        view: Segments,
+    ) -> Int64[np.ndarray, "segments"]:
+        """Update the map by the unknown surfaces, by all landmarks near each.
+
+        The robot's own position, which the paper shows but does not define, follows from the
+        landmarks, mainly from those near the robot.
+        """
+        ids = landmarks.copy()
+        self._make_room(len(seen))
+        pose = np.empty(3)
+        self._count = carry_over(
+            Surfaces(seen, lengths),
+            landmarks,
+            self._pose,
+            self.config.map_limits,
+            Surfaces(self._store, self._lengths),
+            self._count,
+            view,
+            ids,
+            pose,
+        )
+        self._pose = pose
+        return ids

@@ -40,9 +40,11 @@ class GridSlamConfig(ParticleSlamConfig):
     """Standard deviation of the matched heading per turn (rad/rad)."""
     twist_by_way: float = 0.005
     """Standard deviation of the matched heading per distance (rad/m)."""
-    beams: BeamConfig = field(default_factory=lambda: BeamConfig(gain=5.0))
+    beams: BeamConfig = field(default_factory=lambda: BeamConfig(gain=15.0))
     """Comparison of scans with maps. The paper does not state its beam model; this is the model of
-    GMapping, by the same authors, with beams that are more dependent on each other."""
+    GMapping, by the same authors, with beams that depend more on each other. The gain was tuned on
+    Intel: poses that are sampled blindly err more than a proposal's, so a weight must say less
+    (docs/slam.md)."""
 
 
 class GridSlam(ParticleSlam):

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from albot_core.errors import InputError
+from albot_core.geometry.poses import compose
 from albot_core.mappers.albot0.config import Albot0Config
 from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.paths import SAMPLE, PathConfig
-from albot_core.mappers.mapper import EXIT, POINT, PlaceMemory, require
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, PlaceMemory, require
 from albot_core.sensing.reading import Reading, SonarGeometry, SonarScan
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
 
@@ -21,6 +25,7 @@ WAY = driven((0.5, 0.0), (36.5, 0.0), (0.5, 0.0))
 OUTWARD = int(np.argmax(WAY[:, 0] >= 36.5)) + 1
 TAKEN = readings(WALLS, WAY)
 PAPER = Albot0Config(localisation=LocalisationConfig(cues=("distance", "orientation")))
+LETTER = Albot0Config.paper()
 EXTENT = Albot0Config(localisation=LocalisationConfig(cues=("extent", "orientation")))
 
 
@@ -269,3 +274,68 @@ def test_the_way_home_may_be_sensed_by_another_robots_sonars():
     mapper.end_path()
     assert mapper.estimate.place == 0
     check_confidences(mapper)
+
+
+def moved_at(turned: int, jump: tuple[float, float, float]) -> list[Reading]:
+    """The readings, of a robot whose odometer goes on in another frame after it turned round."""
+    taken = list(TAKEN)
+    motion = compose(np.array(jump, np.float64), taken[turned].motion)
+    taken[turned] = replace(taken[turned], motion=motion)
+    return taken
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-30, 30), st.floats(-30, 30), st.floats(-3.1, 3.1))
+def test_the_paper_knows_its_asr_in_whatever_frame_it_comes_home(x, y, turn):
+    """Nothing is carried over but the ASRs."""
+    confidences = []
+    for taken in (TAKEN, moved_at(OUTWARD, (x, y, turn))):
+        mapper = Albot0(LETTER)
+        for number, reading in enumerate(taken):
+            if number == OUTWARD:
+                mapper.begin_return()
+            mapper.update(reading)
+        mapper.end_path()
+        confidences.append([event.confidence for event in mapper.events])
+        assert np.isinf(mapper.way_home[TRAVEL])
+        assert all(event.kept is None for event in mapper.events)
+    np.testing.assert_allclose(*confidences, atol=2e-3)
+
+
+@pytest.mark.parametrize("jump", [(0, 0, np.pi), (3, -5, np.pi / 2), (2, 1, -0.6), (0, 0, 0)])
+def test_ours_finds_the_frame_of_the_way_home(jump):
+    """It says so, and knows its ASR; where nothing is lost, it says that."""
+    mapper, taken, right = Albot0(), moved_at(OUTWARD, jump), []
+    for number, reading in enumerate(taken):
+        if number == OUTWARD:
+            mapper.begin_return()
+        if mapper.update(reading) and mapper.is_returning:
+            right.append(abs(mapper.estimate.place - true_place(WAY[number, 0])) <= 1)
+    mapper.end_path()
+    is_lost = any(jump)
+    kept = mapper.events[-1].kept
+    assert kept is not None
+    assert (kept < 0.05) == is_lost
+    assert ("found anew" in str(mapper.events[-1])) == is_lost
+    assert np.mean(right) > 0.9
+    assert mapper.estimate.place == 0
+    check_confidences(mapper)
+
+
+def test_a_frame_that_is_lost_without_echoes_is_defined():
+    mapper = Albot0()
+    taken = readings(np.empty((0, 4)), driven((0.0, 0.0), (9.0, 0.0), (0.0, 0.0)))
+    for number, reading in enumerate(taken):
+        if number == 91:
+            mapper.begin_return()
+            motion = compose(np.array((5.0, 5.0, 2.0)), reading.motion)
+            mapper.update(replace(reading, motion=motion))
+        else:
+            mapper.update(reading)
+    mapper.end_path()
+    check_confidences(mapper)
+
+
+def test_the_cue_way_needs_a_trail():
+    with pytest.raises(InputError, match="other cues than way, which needs a trail"):
+        Albot0Config(trail=None)

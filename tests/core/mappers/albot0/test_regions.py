@@ -18,6 +18,8 @@ from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journ
 from albot_core.mappers.albot0.split_and_merge import (
     StepMeasures,
     homogeneity,
+    measure_from,
+    measure_until,
     regularisation,
     residual,
 )
@@ -53,8 +55,45 @@ def measures_of(lines: np.ndarray, widths: np.ndarray) -> StepMeasures:
     ground.add(steps.swaths)
     starts, faces, areas = ground.index
     lengths, seen = np.hypot(*(lines[:, 2:] - lines[:, :2]).T), np.zeros(len(areas) + 1, np.int64)
-    ways = lines[:, 2:] - lines[:, :2]
-    return StepMeasures(ways, lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen)
+    return StepMeasures(
+        lines, lengths, widths.sum(axis=1), steps.begins, starts, faces, areas, seen
+    )
+
+
+def letter(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
+    """The regions of such steps by the letter of the paper."""
+    steps, ground = steps_of(lines, widths, path), Ground()
+    ground.add(steps.swaths)
+    across = widths.sum(axis=1)
+    return split_journey(steps.lines, across, steps.begins, ground, RegionConfig.paper())
+
+
+def along(widths: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of 1 m along the x axis, with so much ground across."""
+    x, halves = np.arange(len(widths), dtype=np.float64), 0.5 * np.array(widths)
+    zero = np.zeros_like(x)
+    return np.stack((x, zero, x + 1, zero), axis=1), np.stack((halves, halves), axis=1)
+
+
+def test_by_the_letter_a_width_is_an_area_by_the_line_from_entry_to_exit():
+    """Out along 6 m and back along 3: half as long, so twice as wide."""
+    x = np.array((0, 1, 2, 3, 4, 5, 6, 5, 4, 3), float)
+    zero = np.zeros(9)
+    lines = np.stack((x[:-1], zero, x[1:], zero), axis=1)
+    measures = measures_of(lines, np.ones((9, 2)))
+    measured = np.empty((2, 9))
+    measure_from(measures, RegionConfig.paper().constants, 0, 9, measured)
+    np.testing.assert_allclose(measured[1, [2, 5, 8]], (2.0, 2.0, 4.0), atol=0.05)
+    measure_until(measures, RegionConfig.paper().constants, 0, 9, measured)
+    np.testing.assert_allclose(measured[1, 0], 4.0, atol=0.05)
+
+
+def test_by_the_letter_no_region_is_smaller_than_a_max():
+    """A doorway of 0.9 m² between two rooms is a region of ours, and none of the paper's."""
+    widths = [6.0] * 6 + [0.9] + [6.0] * 6
+    assert split(*along(widths)).splits.tolist() == [0, 6, 7, 13]
+    assert letter(*along(widths)).splits.tolist() == [0, 13]
+    assert letter(*along([2.0] * 12 + [6.0] * 6)).splits.tolist() == [0, 12, 18]
 
 
 def straight(widths: list[float]) -> Regions:

@@ -15,8 +15,8 @@ from albot_core.mappers.albot0.echo_field import EchoField
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.particles import Particles, sum_squares
 from albot_core.mappers.albot0.state import STEPS, step_fields
-from albot_core.mappers.albot0.steps import ECHOES, NO_STEPS, Steps, join_steps
-from albot_core.mappers.albot0.trail import Trail, TrailConfig, end_poses
+from albot_core.mappers.albot0.steps import ECHOES, NO_STEPS, Steps, end_poses, join_steps
+from albot_core.mappers.albot0.trail import Trail, TrailConfig
 from albot_core.mappers.schema import Schema
 from albot_core.sensing.reading import Reading
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms

@@ -29,7 +29,7 @@ ALIVE, FREE, NEXT_ID, USED, VISIT, CANDIDATE = 0, 1, 2, 3, 4, 5
 next surface id, number of slots that have ever held a surface (these are the first ones), number of
 the present visit, and the loop-closure candidate: an earlier visit that the present one may repeat
 (0 for none)."""
-OBSERVED, GATE = 0, 1
+OBSERVED, GATE, COUNTED_FOR = 0, 1, 2
 """Columns of `PerceptualMap.reobserved`."""
 NEVER = np.iinfo(np.int32).max
 """The gate of a visit that cannot become a candidate."""
@@ -56,8 +56,9 @@ class PerceptualMap(NamedTuple):
     reobserved_in: np.ndarray
     """(capacity,) int32: the latest visit, except its mark, in which it was observed again."""
     reobserved: np.ndarray
-    """(capacity, 2) int32: number of surfaces of each earlier visit that were observed again in the
-    present one, and the visit's gate: with more than this it becomes a loop-closure candidate."""
+    """(capacity, 3) int32: number of surfaces of each earlier visit that were observed again in the
+    present one; the visit's gate: with more than this it becomes a loop-closure candidate; and the
+    visit for which its surfaces count, itself or the first visit to its place."""
     free: np.ndarray
     """(capacity,) int32: stack of freed slots."""
     heads: np.ndarray
@@ -94,7 +95,7 @@ def empty_map(capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
         ids=np.empty(capacity, np.int64),
         marks=np.empty(capacity, np.int32),
         reobserved_in=np.empty(capacity, np.int32),
-        reobserved=np.empty((capacity, 2), np.int32),
+        reobserved=np.empty((capacity, 3), np.int32),
         free=np.empty(capacity, np.int32),
         heads=np.empty(2 * capacity, np.int32),
         links=np.empty((2 * capacity, 2), np.int32),
@@ -107,7 +108,8 @@ def empty_map(capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
 def clear_map(pm: PerceptualMap) -> None:
     """Remove everything from the map."""
     pm.heads[:] = -1
-    pm.reobserved[:] = (0, NEVER)
+    pm.reobserved[:] = (0, NEVER, 0)
+    pm.reobserved[:, COUNTED_FOR] = np.arange(len(pm.reobserved))
     pm.counts[:] = 0
     pm.counts[VISIT] = 1
 
@@ -198,6 +200,7 @@ def count_reobserved(pm: PerceptualMap, slot: int) -> None:
     visit, now = pm.marks[slot], pm.counts[VISIT]
     if visit == now:
         return
+    visit = pm.reobserved[visit, COUNTED_FOR]  # Section 4.1.2: in the thesis, for its place.
     if pm.reobserved_in[slot] != now:
         pm.reobserved_in[slot] = now
         pm.reobserved[visit, OBSERVED] += 1

@@ -232,8 +232,12 @@ class PlaceNetwork:
     def _unnoticed(self, line: Line, drift: float) -> LearnedExit | None:
         """Return the exit that the robot comes out of if it had entered the next place unnoticed.
 
-        This is ours. A neighbouring place is aligned at the exit that joins it to the present one.
+        This is ours: in the thesis an exit that is not known leads to a new place (algorithm 5,
+        lines 8 and 9). A neighbouring place is aligned at the exit that joins it to the present
+        one.
         """
+        if not self.config.mends_missed_crossings:
+            return None
         local = in_frame(self.frame, line[None])[0]
         back = self.here.likeliest_exit(reversed_line(local), NO_LINES, drift)
         if back is not None:

@@ -135,14 +135,14 @@ def _is_same(
 def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
     """Return whether algorithm 6 accepts the match and the robot would stand within the place.
 
-    A place's description also holds what is seen through its exits, so without the second condition
-    the robot may be in the next place.
+    The second condition is ours. A place's description also holds what is seen through its exits,
+    so without it the robot may be in the next place. Algorithm 6 asks for the first alone.
     """
     config = network.config
     return (
         has_structure(match, config)
         and match.share >= config.min_share
-        and place.holds(relative(match.pose, pose)[:2])
+        and (not config.must_stand_within or place.holds(relative(match.pose, pose)[:2]))
     )
 
 
@@ -161,9 +161,12 @@ def _aligned(
 ) -> Pose:
     """Return the pose of a recognised place's frame: the believed one if it explains as much.
 
-    An alignment by few surfaces is accurate to about 40 cm, and the map is often better. So the
-    pose is corrected only if fewer surfaces match without the correction.
+    Algorithm 8, line 13 lays the place where it was found. Ours differs: an alignment by few
+    surfaces is accurate to about 40 cm, and the map is often better. So the pose is corrected only
+    if at least two surfaces fewer match without the correction.
     """
+    if not network.config.keeps_believed_pose:
+        return found.pose
     near = replace(
         network.config.match, max_shift=network.config.tolerance, max_turn=np.radians(10.0)
     )
@@ -175,7 +178,8 @@ def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "vis
     """Return each visit's gate: with more re-observed surfaces than this it becomes a candidate.
 
     Surfaces of a place that an exit joins to the present one are seen through that exit: such a
-    place is never a candidate. The rest is ours, and needs no re-observed surface at all:
+    place is never a candidate, in `albot1-thesis` neither (section 4.1.2 does not say so). The rest
+    is ours, and needs no re-observed surface at all:
 
     - a place that was a candidate just before the robot crossed an exit into a new place
       (SEEN_THROUGH_EXIT), because what was observed of it there is no longer in the map,
@@ -193,10 +197,23 @@ def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "vis
     joined = {network.current, *(door.leads_to for door in network.here.exits)}
     by_place = {key: gate_of(place, network.config) for key, place in network.places.items()}
     by_place |= dict.fromkeys(_places_around(network, pose), STANDS_WITHIN)
-    by_place |= dict.fromkeys(network.log.seen_through_exit(), SEEN_THROUGH_EXIT)
+    if network.config.candidates_seen_through_exits:
+        by_place |= dict.fromkeys(network.log.seen_through_exit(), SEEN_THROUGH_EXIT)
     by_place |= dict.fromkeys(joined, NEVER)
     gates[1:-1] = [by_place[place] for place in network.visits[1:-1]]
     return gates
+
+
+def counting_visits(network: PlaceNetwork) -> Int32[np.ndarray, "visits"]:
+    """Return, for each visit, the visit for which its re-observed surfaces count.
+
+    That is the first visit to its place with `counts_by_place`, as in section 4.1.2; otherwise the
+    visit itself.
+    """
+    visits = network.visits
+    if not network.config.counts_by_place:
+        return np.arange(len(visits), dtype=np.int32)
+    return np.array([0, *(visits.index(place, 1) for place in visits[1:])], np.int32)
 
 
 def gate_of(place: LearnedPlace, config: PlacesConfig) -> int:

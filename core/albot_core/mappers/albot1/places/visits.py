@@ -16,6 +16,7 @@ from albot_core.mappers.albot1.perceptual_map.mapping import update_map
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
     CANDIDATE,
+    COUNTED_FOR,
     GATE,
     NOT_RECOGNIZED,
     OBSERVED,
@@ -41,14 +42,17 @@ def seen_since(pm: PerceptualMap, visit: int) -> np.ndarray:
     )
 
 
-def begin_visit(pm: PerceptualMap, gates: np.ndarray) -> None:
+def begin_visit(pm: PerceptualMap, gates: np.ndarray, counted_for: np.ndarray) -> None:
     """Begin a new visit, for which there must be room.
 
-    `gates` (visits + 1,): a visit becomes a candidate if more of its surfaces than this are
-    observed again.
+    Args:
+        pm: The map.
+        gates: (visits + 1,): a visit becomes a candidate if more surfaces than this are observed
+            again that count for it.
+        counted_for: (visits + 1,): the visit for which the surfaces of each visit count.
     """
     pm.counts[VISIT] += 1
-    reset_candidates(pm, gates)
+    reset_candidates(pm, gates, counted_for)
 
 
 _box = scratch(4)
@@ -88,10 +92,11 @@ def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> N
         view.slots[k] = slot if view.landmark[k] else NOT_RECOGNIZED
 
 
-def reset_candidates(pm: PerceptualMap, gates: np.ndarray) -> None:
-    """Reset the counts of re-observed surfaces to 0; `gates` is as for `begin_visit`."""
+def reset_candidates(pm: PerceptualMap, gates: np.ndarray, counted_for: np.ndarray) -> None:
+    """Reset the counts of re-observed surfaces to 0; the arguments are those of `begin_visit`."""
     pm.reobserved[: len(gates), OBSERVED] = 0
     pm.reobserved[: len(gates), GATE] = gates
+    pm.reobserved[: len(gates), COUNTED_FOR] = counted_for
     drop_candidates(pm)
 
 
@@ -112,15 +117,22 @@ def keep_or_drop_candidate(
     compared_from: np.ndarray,
     is_lost: bool,
     pose: np.ndarray,
+    is_updated: bool,
     limits: Albot1Limits,
 ) -> bool:
     """Drop a candidate that comes too soon; return whether a candidate is to be compared now.
 
-    Too soon is too near to where places were last compared. If the robot is lost the candidate is
-    kept. While an exit is being crossed nothing is compared, because it is not known in which of
-    the two places the robot is.
+    In the thesis every update of the map with a candidate is a time to compare (section 4.1.2):
+    `is_updated` says whether the present view led to one. The rest is ours. Too soon is too near to
+    where places were last compared. If the robot is lost the candidate is kept. While an exit is
+    being crossed nothing is compared, because it is not known in which of the two places the robot
+    is.
     """
-    if pm.counts[CANDIDATE] == 0 or exits.counts[1] != NOT_CROSSING:
+    if pm.counts[CANDIDATE] == 0:
+        return False
+    if limits.compares_at_updates:
+        return is_updated
+    if exits.counts[1] != NOT_CROSSING:
         return False
     if may_compare(compared_from, pose, limits.compare_spacing, limits.compare_turn):
         return True
@@ -164,6 +176,8 @@ def renumber_visits(pm: PerceptualMap, numbers: np.ndarray) -> None:
     """
     kept, used = numbers >= 0, pm.counts[USED]
     pm.reobserved[: kept.sum()] = pm.reobserved[: len(kept)][kept]
+    counted_for = pm.reobserved[: kept.sum(), COUNTED_FOR]
+    counted_for[:] = numbers[counted_for]
     pm.marks[:used] = numbers[pm.marks[:used].clip(0, len(kept) - 1)]
     pm.reobserved_in[:used] = np.maximum(numbers[pm.reobserved_in[:used]], 0)
     pm.counts[VISIT] = kept.sum() - 1

@@ -31,6 +31,11 @@ def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
     assert (walker.network.current, len(walker.network.places)) == (0, 2)
     assert walker.network.visits == [-1, 0, 1, 0, 0]
     np.testing.assert_array_equal(walker.network.places[0].surfaces, described)
+    # In the thesis it leaves the place that it believes to be in, by an exit not known.
+    thesis = led([(1, 0), (0, 0)], PlacesConfig.thesis())
+    thesis.room = (1, 0)
+    thesis.go((0, 0))
+    assert happened(thesis)[-1] == (EventKind.NEW, 0, 2)
 
 
 def test_who_went_next_door_unnoticed_comes_out_of_it_by_another_exit():

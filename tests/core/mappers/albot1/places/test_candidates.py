@@ -7,7 +7,7 @@ import pytest
 
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
-from albot_core.mappers.albot1.places.events import STANDS_WITHIN, EventKind
+from albot_core.mappers.albot1.places.events import SEEN_THROUGH_EXIT, STANDS_WITHIN, EventKind
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.recognition import candidate_gates
 from tests.core.mappers.albot1.building import RING, led
@@ -69,6 +69,16 @@ def test_what_is_met_again_speaks_louder_than_where_it_stands():
     assert (event.kind, event.reobserved, event.gate) == (EventKind.REFUSED, 20, 2)
     walker.go((-1, 0))  # It may have been that place, seen through the door.
     assert walker.network.log.seen_through_exit() == {0}
+    assert candidate_gates(walker.network, walker.pose())[1] == SEEN_THROUGH_EXIT
+
+
+def test_in_the_thesis_what_was_seen_through_an_exit_must_be_met_again():
+    walker = led(RING, PlacesConfig.thesis())
+    walker.network.places[0].surfaces = walker.network.places[0].surfaces[:3]
+    assert not walker.recognize()
+    walker.go((-1, 0))
+    assert walker.network.log.seen_through_exit() == {0}
+    assert candidate_gates(walker.network, walker.pose())[1] == 2
 
 
 def test_in_a_new_visit_it_looks_at_once_and_where_it_looked_is_remembered():

@@ -30,7 +30,7 @@ def remembering(*surfaces: tuple[float, ...]) -> PerceptualMap:
     pm = empty_map()
     for surface in surfaces:
         add_surface(pm, np.array(surface), np.full(2, CORNER, np.int8))
-    begin_visit(pm, np.zeros(3, np.int32))
+    begin_visit(pm, np.zeros(3, np.int32), np.arange(3, dtype=np.int32))
     return pm
 
 

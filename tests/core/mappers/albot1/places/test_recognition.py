@@ -73,3 +73,26 @@ def test_in_the_thesis_the_first_match_on_both_sides_is_enough(first: bool) -> N
     )
     if first:
         np.testing.assert_allclose(walker.network.frame, np.zeros(3), atol=1e-6)
+
+
+@pytest.mark.parametrize("keeps", [False, True])
+def test_in_the_thesis_a_place_is_laid_where_it_was_found(keeps: bool) -> None:
+    """The map is off by 0.2 m, at which as many surfaces match as where the place was found."""
+    assert not PlacesConfig.thesis().keeps_believed_pose
+    walker = home_again(replace(PlacesConfig.thesis(), keeps_believed_pose=keeps))
+    off = np.array([0.2, 0.1, 0.0])
+    walker.beside = transform_segments(off, walls_of((0, 0)))
+    assert walker.recognize()
+    expected = np.zeros(3) if keeps else off
+    np.testing.assert_allclose(walker.network.frame, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_in_the_thesis_the_robot_need_not_stand_within_the_place(within: bool) -> None:
+    """It sees the room's walls through the door, from the room beyond."""
+    assert not PlacesConfig.thesis().must_stand_within
+    walker = home_again(replace(PlacesConfig.thesis(), must_stand_within=within))
+    (door, *_) = (d for d in walker.network.places[0].exits if d.leads_to == 1)
+    middle = 0.5 * (door.line[:2] + door.line[2:])
+    walker.at = np.array([middle[0] + 1.5, middle[1], np.pi])
+    assert walker.recognize() != within

@@ -16,15 +16,17 @@ from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.perceptual_map.memory import (
     CANDIDATE,
     NEVER,
+    OBSERVED,
     VISIT,
     add_surface,
+    count_reobserved,
     empty_map,
     remove_surface,
 )
 from albot_core.mappers.albot1.places.exits import CROSSING_SEEN, NOT_CROSSING, empty_exits
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace
-from albot_core.mappers.albot1.places.recognition import _candidates
+from albot_core.mappers.albot1.places.recognition import _candidates, counting_visits
 from albot_core.mappers.albot1.places.visits import (
     begin_visit,
     drop_candidates,
@@ -44,7 +46,8 @@ def test_visits_bear_other_numbers_and_nothing_else_changes() -> None:
     for visit in range(1, 6):
         for k in range(visit):
             add_surface(pm, np.array((visit, k, visit, k + 1.0)), STABLE)
-        begin_visit(pm, np.arange(visit + 2, dtype=np.int32))
+        numbers = np.arange(visit + 2, dtype=np.int32)
+        begin_visit(pm, numbers, np.where(numbers == 6, 5, numbers))
     for slot in range(1, 6):  # those of visits 2 and 3
         remove_surface(pm, slot)
     assert np.flatnonzero(marked_visits(pm)).tolist() == [1, 4, 5]
@@ -53,6 +56,7 @@ def test_visits_bear_other_numbers_and_nothing_else_changes() -> None:
     renumber_visits(pm, np.array((0, 1, -1, -1, 2, 3, 4)))
     assert pm.counts[[VISIT, CANDIDATE]].tolist() == [4, 3]
     assert pm.reobserved[:5, 1].tolist() == [0, 1, 4, 5, 6]
+    assert pm.reobserved[:5, 2].tolist() == [0, 1, 2, 3, 3]  # The last counts for the one before.
     alive = pm.ids[: pm.counts[3]] >= 0
     old = {1: 1, 2: 4, 3: 5}
     for slot in np.flatnonzero(alive):
@@ -128,7 +132,7 @@ def test_a_robot_that_forgets_visits_maps_as_one_that_does_not(
 def test_candidates_that_need_no_surface_are_not_dropped() -> None:
     pm = empty_map()
     for gates in ((0, 3, NEVER), (0, 3, -1, NEVER), (0, -1, -2, -2, NEVER)):
-        begin_visit(pm, np.array(gates, np.int32))
+        begin_visit(pm, np.array(gates, np.int32), np.arange(len(gates), dtype=np.int32))
         pm.counts[CANDIDATE] = 1
         drop_candidates(pm)
         assert pm.counts[CANDIDATE] == (np.argmin(gates) if min(gates) < 0 else 0)
@@ -152,12 +156,51 @@ def test_places_are_compared_when_it_is_time_and_nowhere_between(
 ) -> None:
     pm, exits, limits = empty_map(), empty_exits(), Albot1Config().limits
     exits.counts[1] = crossing
-    begin_visit(pm, np.array((0, 3, NEVER), np.int32))
+    begin_visit(pm, np.array((0, 3, NEVER), np.int32), np.arange(3, dtype=np.int32))
     compared_from, here = np.zeros(3), np.array((gone, 0.0, 0.0))
-    assert not keep_or_drop_candidate(pm, exits, compared_from, is_lost, here, limits)
+    assert not keep_or_drop_candidate(pm, exits, compared_from, is_lost, here, True, limits)
     pm.counts[CANDIDATE] = 1
     is_time = crossing == NOT_CROSSING and gone > 0
-    compares = keep_or_drop_candidate(pm, exits, compared_from, is_lost, here, limits)
+    compares = keep_or_drop_candidate(pm, exits, compared_from, is_lost, here, False, limits)
     assert compares == is_time
     is_dropped = crossing == NOT_CROSSING and not is_time and not is_lost
     assert pm.counts[CANDIDATE] == (0 if is_dropped else 1)
+
+
+@pytest.mark.parametrize("is_updated", [False, True])
+@pytest.mark.parametrize("crossing", [NOT_CROSSING, CROSSING_SEEN])
+def test_in_the_thesis_places_are_compared_at_every_update_and_only_there(
+    is_updated: bool, crossing: int
+) -> None:
+    pm, exits, limits = empty_map(), empty_exits(), Albot1Config.thesis().limits
+    exits.counts[1] = crossing
+    begin_visit(pm, np.array((0, 3, NEVER), np.int32), np.arange(3, dtype=np.int32))
+    here = np.zeros(3)  # Where places were compared last.
+    assert not keep_or_drop_candidate(pm, exits, here, False, here, is_updated, limits)
+    pm.counts[CANDIDATE] = 1
+    assert keep_or_drop_candidate(pm, exits, here, False, here, is_updated, limits) == is_updated
+    assert pm.counts[CANDIDATE] == 1
+
+
+@pytest.mark.parametrize("config", [PlacesConfig(), PlacesConfig.thesis()], ids=["ours", "thesis"])
+def test_surfaces_met_again_count_for_their_visit_and_in_the_thesis_for_their_place(
+    config: PlacesConfig,
+) -> None:
+    """Two surfaces of the first visit to a place are met again, and two of the second."""
+    network = PlaceNetwork(config)
+    network.visits = [-1, 0, 1, 0, 2]
+    counted_for = counting_visits(network)
+    pm = empty_map()
+    for visit in range(1, 5):
+        for k in range(2):
+            add_surface(pm, np.array((visit, k, visit, k + 1.0)), STABLE)
+        size = visit + 2
+        begin_visit(pm, np.full(size, 3, np.int32), np.append(counted_for, 5)[:size])
+    for slot in (0, 1, 4, 5, 5):
+        count_reobserved(pm, slot)
+    if config.counts_by_place:
+        assert pm.reobserved[:5, OBSERVED].tolist() == [0, 4, 0, 0, 0]
+        assert pm.counts[CANDIDATE] == 1
+    else:
+        assert pm.reobserved[:5, OBSERVED].tolist() == [0, 2, 0, 2, 0]
+        assert pm.counts[CANDIDATE] == 0

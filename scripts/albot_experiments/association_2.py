@@ -1,0 +1,253 @@
+"""Landmark association of a robot that wanders on its own (Yeap et al. 2015, figures 2 to 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from albot_core.drawing.labels import Label, place_labels
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, inverse, transform_segments
+from albot_core.geometry.types import Segments
+from albot_core.mappers.registry import make_mapper
+from albot_core.planning.minimal_space_explorer import MinimalSpaceExplorer
+from albot_core.planning.percept import Percept
+from albot_env.sim.laser import LASERS
+from albot_env.sim.odometer import ODOMETERS
+from albot_env.sim.sensors import Sensors
+from albot_env.sim.simulator import Simulator
+from albot_experiments.association_1 import JUDGED, LASER, Run, follow
+from albot_experiments.drawing import (
+    MARK,
+    PATH,
+    SURFACE,
+    draw_floor,
+    draw_map,
+    draw_route,
+    finish_maps,
+)
+from albot_experiments.mapping import LARGEST_PATH_ERROR, median_and_worst
+from albot_experiments.report import Figures, Report, each_seed
+from albot_experiments.tours import TourRecord
+from albot_maps import World, load_world
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ID = "association-2"
+TITLE = "A robot wanders on its own (Yeap et al. 2015, figures 2 to 7)"
+OFFICE = "random:office:{seed}"
+LENGTH = 130.0
+"""The robot wanders this far (m)."""
+MAPPERS = (*JUDGED, "odometry")
+PAPER = {"path_m": 130.0, "views": 103, "shape_kept": True}
+CONDITIONS = {
+    "environment": ("an office, with all its furniture", "random offices, with furniture"),
+    "robot": ("Pioneer 3DX", "its body and drive, simulated"),
+    "laser": ("SICK LMS 200, 180° at 0.5°, 30 m", "361 beams at 0.5°, 30 m, noise of 1 cm"),
+    "odometer": ("wheel encoders; errors not told", "`pioneer`"),
+    "movement": (
+        "to a random one of the nearest gaps, 3 m or 30° at most between views",
+        "the same; round obstacles it swerves by 30° at most",
+    ),
+    "trials": ("one journey of 130 m, 103 views", "20 offices, 130 m each, more views"),
+    "judged by": ("eye", "the bars below"),
+}
+MOST_DOUBLED = 0.45
+"""At most this share of the map's surfaces doubles another (0.28 and 0.09 in offices 1 to 5; 0.89
+and 0.96 if no surface is known again)."""
+MOST_CROSSINGS = 0.65
+"""Surfaces of the map intersect this many times for each of them at most (0.57 and 0.02 in offices
+1 to 5; 0.78 and 0.04 if no surface is left out where it intersects another)."""
+_MOST_STEPS = 100_000
+_FORWARD = (1.5, 2.5)
+"""The move of the pictures is a straight one of this length (m), as the paper's of 2 m."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wandering:
+    """A journey in an office, and the mappers at its end."""
+
+    world: World
+    journey: TourRecord
+    runs: Mapping[str, Run]
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Let the robot wander in one office per seed, and map the readings at its stops.
+
+    Raises:
+        InputError: No seeds; or the robot does not come far enough.
+    """
+    wanderings = []
+    for seed in each_seed(seeds, progress):
+        world = load_world(OFFICE.format(seed=seed))
+        journey = wander(world, seed)
+        runs = {name: follow(name, journey, world) for name in MAPPERS}
+        wanderings.append(Wandering(world=world, journey=journey, runs=runs))
+    groups = {name: _figures([each.runs[name] for each in wanderings]) for name in MAPPERS}
+    verdicts = {name: _is_kept(groups[name]) for name in JUDGED}
+    journeys = [each.journey for each in wanderings]
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured={
+            "path_m": round(float(np.median([each.path_length for each in journeys])), 1),
+            "views": int(np.median([len(each.readings) for each in journeys])),
+            "seeds": len(seeds),
+            "shape_kept": verdicts["association"],
+            **groups,
+        },
+        holds=verdicts["association"],
+        verdicts=verdicts,
+        conditions=CONDITIONS,
+        text=_text(seeds),
+        pictures={"association": _picture_of_steps(wanderings[0]), "maps": _maps(wanderings[0])},
+    )
+
+
+def wander(world: World, seed: int, length: float = LENGTH) -> TourRecord:
+    """Let a robot wander by the paper's explorer; return the readings at its stops.
+
+    Raises:
+        InputError: The robot does not come far enough.
+    """
+    rng = np.random.default_rng(seed)
+    simulator = Simulator(
+        world, sensors=Sensors(laser=LASERS[LASER], odometer=ODOMETERS["pioneer"])
+    )
+    explorer = MinimalSpaceExplorer()
+    explorer.reset(rng)
+    reading = simulator.reset(rng)
+    readings, truth, since, gone = [], [], np.zeros(3), 0.0
+    for _ in range(_MOST_STEPS):
+        scan, moves = reading.required_laser(ID), explorer.moves
+        since = compose(since, reading.motion)
+        gone += float(np.hypot(*reading.motion[:2]))
+        ranges = np.minimum(scan.ranges, scan.geometry.max_range)
+        percept = Percept(
+            ranges=ranges, laser=scan.geometry, pose=np.zeros(3), motion=reading.motion
+        )
+        command = explorer.command(percept)
+        if explorer.moves > moves:
+            readings.append(replace(reading, motion=since))
+            truth.append(simulator.pose)
+            since = np.zeros(3)
+            if gone >= length:
+                return TourRecord(readings=tuple(readings), truth=np.array(truth))
+        reading = simulator.step(*command.tolist())
+    raise InputError(world.name, f"a way of {length:g} m", f"{gone:.0f} m in {_MOST_STEPS} steps")
+
+
+def _figures(runs: Sequence[Run]) -> dict[str, Figures]:
+    is_map = len(runs[0].surfaces) < len(runs[0].poses) * 3  # Not views laid side by side.
+    return {
+        "path_error_m": median_and_worst([run.shape.path_error for run in runs], 2),
+        "surfaces": int(np.median([len(run.surfaces) for run in runs])),
+        "doubled": round(float(np.median([run.doubled for run in runs])), 2) if is_map else None,
+        "crossings": (
+            round(float(np.median([run.crossings for run in runs])), 3) if is_map else None
+        ),
+    }
+
+
+def _is_kept(figures: Mapping[str, Figures]) -> bool:
+    """Return whether the shape is kept, by the medians over the seeds."""
+    error = figures["path_error_m"]
+    assert isinstance(error, Mapping)
+    return (
+        float(str(error["median"])) <= LARGEST_PATH_ERROR
+        and float(str(figures["doubled"])) <= MOST_DOUBLED
+        and float(str(figures["crossings"])) <= MOST_CROSSINGS
+    )
+
+
+def _text(seeds: range) -> str:
+    return f"""
+A robot wanders over {LENGTH:g} m in random offices by the paper's explorer: it draws one of the
+nearest gaps that bound the minimal bounded space, turns by 30° or drives 3 m towards it at most,
+stops, and looks again. Each stop is a view. The offices are those of the seeds {seeds.start} to
+{seeds.stop - 1}; the explorer has no memory, so it stays in a part of each.
+
+Figures are those of `association-1`; crossings and doubled surfaces are more, because furniture is
+seen from all sides. The shape is kept where the path error is {LARGEST_PATH_ERROR:g} m at most,
+`doubled` {MOST_DOUBLED:g} and `crossings` {MOST_CROSSINGS:g} at most.
+
+The first picture shows the paper's figures 4 to 6 by `association-paper`, at a straight move of
+about 2 m: the map after the first view with its IDs; the frame of reference with the previous view
+and the current one, where U marks surfaces that are no landmarks; and the map after the new
+surfaces were transferred by their nearest landmarks. The second shows the way, and the map of each
+mapper at the end.
+"""
+
+
+def _picture_of_steps(wandering: Wandering) -> Figure:
+    """Draw figures 4 to 6: the first map, the frame of reference, the map after the transfer."""
+    from matplotlib.figure import Figure
+
+    mapper = make_mapper("association-paper")
+    readings = wandering.journey.readings
+    mapper.update(readings[0])
+    first = mapper.snapshot().segments
+    for reading in readings[1:]:
+        before, motion = mapper.state(), reading.motion
+        mapper.update(reading)
+        after = mapper.state()
+        is_new = after["view.ids"] >= len(before["surfaces"])
+        is_straight = _FORWARD[0] <= np.hypot(*motion[:2]) <= _FORWARD[1] and abs(motion[2]) < 0.2
+        if is_straight and is_new.any():
+            break
+    figure = Figure(figsize=(18, 7), layout="constrained")
+    one, two, three = figure.subplots(1, 3)
+    _draw_numbered(one, first, [str(k) for k in range(len(first))], SURFACE, "map")
+    one.set_title("the map after the first view")
+    previous = transform_segments(inverse(motion), before["view.surfaces"])
+    _draw_numbered(two, previous, [""] * len(previous), PATH, "previous view")
+    names = [
+        f"U{k}" if new else str(known) if known >= 0 else "–"
+        for k, (known, new) in enumerate(zip(after["view.ids"], is_new, strict=True))
+    ]
+    _draw_numbered(two, after["view.surfaces"], names, MARK, "current view")
+    two.set_title("the frame of reference, landmarks normalised")
+    known, surfaces = len(before["surfaces"]), after["surfaces"]
+    _draw_numbered(three, surfaces[:known], [""] * known, SURFACE, "map")
+    numbers = [str(k) for k in range(known, len(surfaces))]
+    _draw_numbered(three, surfaces[known:], numbers, MARK, "transferred")
+    three.plot(*after["pose"][:2], "o", color=PATH, ls="none", label="robot")
+    three.set_title("the map after the transfer")
+    finish_maps(figure)
+    return figure
+
+
+def _draw_numbered(
+    axes: Axes, surfaces: Segments, names: Sequence[str], colour: str, label: str
+) -> None:
+    """Draw surfaces with their names."""
+    draw_floor(axes, surfaces, colour, 1.4, label)
+    labels = [
+        Label(text=name, at=(0.5 * (x1 + x2), 0.5 * (y1 + y2)), colour=colour, size=9.0)
+        for (x1, y1, x2, y2), name in zip(surfaces.tolist(), names, strict=True)
+        if name
+    ]
+    place_labels(axes, labels, segments=surfaces)
+
+
+def _maps(wandering: Wandering) -> Figure:
+    """Draw the way on the floor, and the map of each mapper."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(20, 6), layout="constrained")
+    first, *others = figure.subplots(1, 1 + len(MAPPERS))
+    draw_route(first, wandering.world, wandering.journey.truth[:, :2])
+    first.set_title(f"{wandering.journey.path_length:.0f} m")
+    for axes, name in zip(others, MAPPERS, strict=True):
+        run = wandering.runs[name]
+        draw_map(axes, wandering.world, run.surfaces, run.poses, run.shape.frame)
+        axes.set_title(f"{name}: {run.shape.path_error:.2f} m")
+    finish_maps(figure)
+    return figure
