@@ -24,6 +24,24 @@ FLOOR = Wandering(world="office-floor", tour="floor", minutes=150)
 MOST_ERROR = 1.0
 """Largest rms error of the experiences (m)."""
 PAPER = {"matches_the_floor": True, "multiple_overlap": True}
+CONDITIONS = {
+    "environment": (
+        "simulated floor of the authors' office, 43 × 13 m; no plan given",
+        f"`{FLOOR.world}`, 43 × 13 m",
+    ),
+    "duration": ("2.5 h (figure 4)", f"{FLOOR.minutes} min"),
+    "speed": ("0.3 m/s on average", f"{SPEED} m/s"),
+    "way": (
+        "an exploration algorithm that tries every possible route",
+        "a tour of all rooms, then shortest ways between random waypoints",
+    ),
+    "sensors": (
+        "noisy, ambiguous scene numbers; false matches at random times",
+        "scenes `paper`: 1 m and 45° each, two views a number, 5 % missed, 0.5 % false",
+    ),
+    "errors": ("not given", "odometer `pioneer`"),
+    "trials": ("one run shown", "one run a seed"),
+}
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
@@ -47,6 +65,7 @@ def report(seeds: range, runs: Sequence[Run]) -> Report:
         paper=PAPER,
         measured=verdict | measured | seeds_within(seeds, runs, MOST_ERROR),
         holds=enough(within(runs, MOST_ERROR)),
+        conditions=CONDITIONS,
         text=_TEXT + text(),
         pictures={"maps": picture(runs[0], FLOOR.world, (14.0, 4.0))},
     )
