@@ -80,7 +80,7 @@ EXPERIMENTS = {
         Experiment(
             id="albot0-homing",
             title="Albot0 drives out and home by sonars alone (Schmidt et al.)",
-            seeds=50,
+            seeds=20,
             module="albot_experiments.albot0_homing",
         ),
         Experiment(
