@@ -46,6 +46,7 @@ def test_of_the_close_surfaces_the_most_similar_orientation_is_the_landmark():
     near_but_turned, far_but_parallel = (0.0, 2.05, 4.0, 2.4), (0.0, 2.38, 4.0, 2.38)
     assert matches([near_but_turned, far_but_parallel], [(0, 2, 4, 2)]) == [1]
     assert matches([(0, 2.42, 4, 2.42)], [(0, 2, 4, 2)]) == [-1]
+    assert matches([(1.0, 0, 4, 3)], [(0, 0, 3, 3)]) == [-1]  # Side by side, aslant.
     tan = np.tan(np.radians((9.5, 10.5)))
     for rise, match in zip(4 * tan, (0, -1), strict=True):
         assert matches([(0, 2, 4, 2 + rise)], [(0, 2, 4, 2)]) == [match]
