@@ -1,16 +1,37 @@
-"""The conditions that the experiments of the Albot1 thesis's chapter 4 share, beside ours."""
+"""The conditions of the Albot1 thesis's experiments (section 3.1.2), and ours."""
 
 from __future__ import annotations
 
 THESIS_MOTION = (
-    "guided; a scan after each step, usually 1 m or 45° (section 3.1.2)",
+    "guided; a scan after each step, usually 1 m or 45°",
     "guided by the true pose; steps of at most 1 m or 45°",
 )
-"""The robot's motion."""
 THESIS_LASER = (
-    "SICK LMS-200: 181 beams over 180°",
-    "the same geometry, range noise 10 mm",
+    "SICK LMS 200: 181 beams over 180°, used up to 30 m",
+    "the same beams, noise of 1 cm, one beam of 1,000 lost",
 )
-"""The laser."""
-THESIS_ODOMETER = ("Pioneer 3DX, its error is not told", "`pioneer`")
-"""The odometer."""
+THESIS_ODOMETER = ("wheel encoders of a Pioneer 3 DX; errors not told", "`pioneer`")
+
+
+def thesis_conditions(
+    floor: str,
+    movement: tuple[str, str],
+    trials: tuple[str, str],
+    odometer: str = THESIS_ODOMETER[1],
+) -> dict[str, tuple[str, str]]:
+    """Return the conditions of an experiment of chapter 3, and ours.
+
+    Args:
+        floor: Our floor.
+        movement: The thesis's way to move and to take views, and ours.
+        trials: The number of its journeys, and of ours.
+        odometer: Our odometer.
+    """
+    return {
+        "environment": ("level one of an office tower, furnished, carpeted; its plan", floor),
+        "robot": ("Pioneer 3 DX", "its body and drive, simulated"),
+        "laser": THESIS_LASER,
+        "odometer": (THESIS_ODOMETER[0], odometer),
+        "movement": movement,
+        "trials": trials,
+    }

@@ -12,6 +12,7 @@ from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Poses
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.mapper import Mapper
+from albot_experiments.albot1_conditions import thesis_conditions
 from albot_experiments.drawing import draw_map, draw_route, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
@@ -28,7 +29,6 @@ from albot_experiments.mapping import (
     shape_figures,
     shape_of,
     surface_points,
-    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour, true_motions

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 
 from albot_core.geometry.types import Points, Segments
 from albot_env.sim.simulator import THESIS_STEPS, StartStop
+from albot_experiments.albot1_conditions import thesis_conditions
 from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
@@ -18,7 +19,6 @@ from albot_experiments.mapping import (
     Walls,
     map_readings,
     surface_points,
-    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.revisiting import before_revisiting

@@ -12,13 +12,13 @@ import numpy as np
 from albot_core.drawing.labels import Label, place_labels
 from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
 from albot_core.geometry.types import Pose, Poses
+from albot_experiments.albot1_conditions import thesis_conditions
 from albot_experiments.drawing import MARK, PATH, draw_floor, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     MAPPERS,
     map_readings,
     median_and_worst,
-    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour

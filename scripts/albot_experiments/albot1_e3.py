@@ -16,13 +16,13 @@ from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.simulator import THESIS_STEPS, StartStop
+from albot_experiments.albot1_conditions import thesis_conditions
 from albot_experiments.drawing import MARK, PATH, SURFACE, draw_floor, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
     CHAPTER_3,
     map_readings,
     median_and_worst,
-    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import TourRecord, guided_tour

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from albot_experiments.mapping import thesis_conditions
+from albot_experiments.albot1_conditions import thesis_conditions
 from albot_experiments.report import Report
 from albot_experiments.revisiting import (
     TOUR,

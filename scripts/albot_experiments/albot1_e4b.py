@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from albot_experiments.albot1_conditions import thesis_conditions
 from albot_experiments.drawing import draw_map, finish_maps
 from albot_experiments.mapping import (
     ALBOT1,
@@ -15,7 +16,6 @@ from albot_experiments.mapping import (
     median_and_worst,
     shape_figures,
     surface_points,
-    thesis_conditions,
 )
 from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.revisiting import TOUR, WORLD, Drive, map_drive

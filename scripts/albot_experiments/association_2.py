@@ -96,7 +96,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
         journey = wander(world, seed)
         runs = {name: follow(name, journey, world) for name in MAPPERS}
         wanderings.append(Wandering(world=world, journey=journey, runs=runs))
-    groups = {name: _figures([each.runs[name] for each in wanderings]) for name in MAPPERS}
+    groups = {name: _figures(name, [each.runs[name] for each in wanderings]) for name in MAPPERS}
     verdicts = {name: _is_kept(groups[name]) for name in JUDGED}
     journeys = [each.journey for each in wanderings]
     return Report(
@@ -151,15 +151,16 @@ def wander(world: World, seed: int, length: float = LENGTH) -> TourRecord:
     raise InputError(world.name, f"a way of {length:g} m", f"{gone:.0f} m in {_MOST_STEPS} steps")
 
 
-def _figures(runs: Sequence[Run]) -> dict[str, Figures]:
-    is_map = len(runs[0].surfaces) < len(runs[0].poses) * 3  # Not views laid side by side.
+def _figures(name: str, runs: Sequence[Run]) -> dict[str, Figures]:
+    """Return the figures of a mapper; views laid side by side are not judged as surfaces."""
+    is_judged = name in JUDGED
+    doubled = float(np.median([run.doubled for run in runs])) if is_judged else None
+    crossings = float(np.median([run.crossings for run in runs])) if is_judged else None
     return {
         "path_error_m": median_and_worst([run.shape.path_error for run in runs], 2),
         "surfaces": int(np.median([len(run.surfaces) for run in runs])),
-        "doubled": round(float(np.median([run.doubled for run in runs])), 2) if is_map else None,
-        "crossings": (
-            round(float(np.median([run.crossings for run in runs])), 3) if is_map else None
-        ),
+        "doubled": None if doubled is None else round(doubled, 2),
+        "crossings": None if crossings is None else round(crossings, 3),
     }
 
 

@@ -35,30 +35,6 @@ CHAPTER_3 = {"remembers_places": False, **EVERY_READING}
 adds, and so without the updates that an exit forces."""
 
 
-def thesis_conditions(
-    floor: str, movement: tuple[str, str], trials: tuple[str, str], odometer: str = "`pioneer`"
-) -> dict[str, tuple[str, str]]:
-    """Return the conditions of an experiment of the thesis (section 3.1.2), and ours.
-
-    Args:
-        floor: Our floor.
-        movement: The thesis's way to move and to take views, and ours.
-        trials: The number of its journeys, and of ours.
-        odometer: Our odometer.
-    """
-    return {
-        "environment": ("level one of an office tower, furnished, carpeted; its plan", floor),
-        "robot": ("Pioneer 3 DX", "its body and drive, simulated"),
-        "laser": (
-            "SICK LMS 200: 181 beams over 180°, used up to 30 m",
-            "the same beams, noise of 1 cm, one beam of 1,000 lost",
-        ),
-        "odometer": ("wheel encoders, 500 ticks; errors not told", odometer),
-        "movement": movement,
-        "trials": trials,
-    }
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MappedJourney:
     """A mapper at the end of a journey."""
