@@ -23,7 +23,10 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.perceptual_map.overlay import is_covered
+from albot_core.mappers.registry import make_mapper
+from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import CORNER, NO_EDGE
+from tests.core.scenes import ROOM, scan_from
 
 LIMITS = Albot1Config.thesis().limits
 EDGES = np.full(2, CORNER, np.int8)
@@ -184,3 +187,12 @@ def test_a_surface_ending_inside_from_behind_is_extended_at_its_first_end() -> N
     _, view, others = after([[-3.0, -2.0, 1.0, -2.0]])
     assert others == [pytest.approx([-3.0, -2.0, 4.0, -2.0])]
     assert view.edges[0].tolist() == [NO_EDGE, CORNER]
+
+
+@pytest.mark.parametrize("name", ["albot1-thesis", "albot1-tracked", "albot1"])
+def test_the_first_view_is_laid_over_the_map_at_once(name):
+    """It has no recognised landmark, so the limiting point is reached (algorithm 4, line 13)."""
+    mapper = make_mapper(name)
+    mapper.update(Reading(stamp=0.0, motion=np.zeros(3), laser=scan_from(np.zeros(3), ROOM)))
+    assert mapper.estimate.updates == 1
+    assert len(mapper.snapshot().segments) >= 3
