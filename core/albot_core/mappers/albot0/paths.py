@@ -31,6 +31,9 @@ _SPACING = 0.02
 """The robot has moved since the last sample if it has gone at least this far (m)."""
 _CELL = 0.1
 """Approximate distance of the points along a path at which widths are compared (m)."""
+_ROUNDING = 1e-6
+"""Lengths and turns that differ by less than this (m; rad) are equal, so that a path of equal
+motions ends at the same reading in whatever frame it is driven."""
 _NARROWEST = 0.05
 """Minimum distance of a surface from the robot's middle (m)."""
 FARTHEST = 1e7
@@ -113,10 +116,10 @@ class PathInProgress:
         if self.samples:
             turned = float(wrap_angle(heading - self.heading))
             gone = math.hypot(x - self.samples[-1][0], y - self.samples[-1][1])
-            if abs(turned) > config.turn:
+            if abs(turned) > config.turn + _ROUNDING:
                 finished = self._finish(config)
                 self.samples.clear()
-            elif gone < _SPACING:
+            elif gone < _SPACING - _ROUNDING:
                 return None
             else:
                 self.travelled += gone
@@ -124,7 +127,7 @@ class PathInProgress:
         if not self.samples:
             self.heading, self.travelled = heading, 0.0
         self.samples.append(sample)
-        if self.travelled >= config.longest:
+        if self.travelled >= config.longest - _ROUNDING:
             finished = self._finish(config)
             self.samples[:] = [sample]
             self.heading, self.travelled = heading, 0.0
@@ -138,10 +141,11 @@ class PathInProgress:
 
     def has_turned_round(self, config: PathConfig) -> bool:
         """Return whether the robot drives roughly against the direction of the previous path."""
-        if self.direction_before is None or math.hypot(*self.chord) < config.shortest:
+        is_short = math.hypot(*self.chord) < config.shortest - _ROUNDING
+        if self.direction_before is None or is_short:
             return False
         turned = float(wrap_angle(self.direction - self.direction_before))
-        return abs(turned) >= config.turned_round
+        return abs(turned) >= config.turned_round - _ROUNDING
 
     @property
     def direction(self) -> float:
@@ -160,7 +164,7 @@ class PathInProgress:
         return last[0] - first[0], last[1] - first[1]
 
     def _finish(self, config: PathConfig) -> Steps | None:
-        if not config.shortest <= math.hypot(*self.chord) <= LONGEST:
+        if not config.shortest - _ROUNDING <= math.hypot(*self.chord) <= LONGEST:
             return None  # It turned on the spot; or was carried away.
         if max(map(abs, (*self.samples[0][:2], *self.samples[-1][:2]))) > FARTHEST:
             return None
