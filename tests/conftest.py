@@ -68,7 +68,9 @@ def _compiles(path: Path) -> bool:
 
 # What a kernel takes to compile at its first example is no failure. Where CI is set, the examples
 # are the same in each run, so that a red run can be repeated; elsewhere new ones are tried.
-hypothesis.settings.register_profile("albot", deadline=None, derandomize="CI" in os.environ)
+hypothesis.settings.register_profile(
+    "albot", max_examples=50, deadline=None, derandomize="CI" in os.environ
+)
 hypothesis.settings.load_profile("albot")
 
 jaxtyping.jaxtyped = checked  # What the hook puts before every function and class.

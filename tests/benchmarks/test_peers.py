@@ -69,7 +69,7 @@ def test_a_peer_whose_ranges_are_off_is_marked() -> None:
     assert (right["off"], right["wrong"], right["version"]) == (0.0, False, pytest.__version__)
     assert wrong["off"] > measuring.MOST_OFF and wrong["wrong"]
     assert (blind["off"], blind["wrong"]) == (1.0, True)
-    assert right["ratio"] < 1  # It does nothing.
+    assert right["ratio"] > 0  # How large it is depends on what else the machine does.
 
 
 def test_a_module_that_another_package_has_put_there_does_not_count() -> None:

@@ -153,7 +153,7 @@ def episode_readers() -> Iterator[Reader]:
         functions=(EpisodeReader,),
         write=_write_episode,
         read=lambda folder: _play(folder / "episode.mcap"),
-        examples=80,
+        examples=40,
     )
     yield Reader(
         name="episode as a log",
@@ -207,7 +207,7 @@ def mapper_readers() -> Iterator[Reader]:
             write=partial(_write_map, name=name),
             read=lambda folder: _go_on(folder / "map.albot"),
             # What reads the file is the same for all; a whole state takes SLAM systems long.
-            examples=80 if name == "albot1" else 30,
+            examples=40 if name == "albot1" else 15,
         )
         plain = json.loads(json.dumps(to_plain(mapper_config(mapper_spec(name)))))
         config = yaml.safe_dump(plain, sort_keys=False)

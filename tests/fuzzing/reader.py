@@ -20,7 +20,7 @@ class Reader:
     """Writes whole files of its kind into a folder."""
     read: Callable[[Path], object]
     """Reads them, and uses what was read."""
-    examples: int = 40
+    examples: int = 20
     """Damaged inputs in a run of the tests."""
 
 

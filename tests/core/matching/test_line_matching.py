@@ -208,7 +208,7 @@ def slow_first(
     return None
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_first_match_is_that_at_which_algorithm_6_stops(seed):
     rng = np.random.default_rng(300 + seed)
     place, motion = walls(rng, 7), motion_of(rng)

@@ -112,7 +112,7 @@ def test_people_press_no_light_box_into_a_wall():
     ]
     routes = [((0.5, 1.2), (5.5, 1.2)), ((0.5, 1.0), (5.5, 1.0))]
     walkers = [Walker(route=route, speed=(1.0, 2.0)) for route in routes]
-    for key in range(6):
+    for key in range(3):
         world = world_of(start=(0.6, 0.75, 0.0), size=(6.0, 1.5), boxes=boxes, walkers=walkers)
         scene = Scene(world, key)
         rng = np.random.default_rng(key)

@@ -65,7 +65,7 @@ def test_depths_in_a_polygon_are_those_of_the_deepest_of_many_points(seed: int):
     walls, rng = any_walls(seed), np.random.default_rng((seed, 1))
     angles = np.sort(rng.uniform(0, 2 * np.pi, 5))
     corners = 3 * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    shares = np.linspace(0, 1, 500)[:, np.newaxis, np.newaxis]
+    shares = np.linspace(0, 1, 200)[:, np.newaxis, np.newaxis]
     points = shapely.points(walls[:, :2] + shares * (walls[:, 2:] - walls[:, :2]))
     polygon = shapely.Polygon(corners)
     inside = shapely.contains(polygon, points)

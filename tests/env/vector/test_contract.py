@@ -21,7 +21,7 @@ FORMS = ("flat", "dict")
 MAPPERS = ("none", "odometry", "albot1")
 COUNT = 3
 WORLDS = ["square-loop", "random:apartment:1?people=1&boxes=1&doors=1"]
-LONG = 10_000 if os.environ.get("ALBOT_LONG_DRIVE") else 2_000
+LONG = 10_000 if os.environ.get("ALBOT_LONG_DRIVE") else 1_000
 
 
 def _settings(environment: str, options: dict[str, Any]) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
             load_worlds("random:apartment:0..1?rooms=3&people=1&boxes=1&doors=1"),
             load_worlds("random:maze:0..2?rows=3&columns=3"),
         ],
-        "max_episode_steps": 80,
+        "max_episode_steps": 50,
         "odometer": "carpet",
         "sonar": "poor",
         "scenes": "paper",
@@ -144,8 +144,8 @@ def test_it_does_so_with_every_sensor(environment: str, options: dict[str, str])
 def test_threads_change_nothing(environment: str, mapper: str) -> None:
     worlds = load_worlds("random:office:0..1?rooms=4")
     options = {"world": worlds, "mapper": mapper, "max_episode_steps": 20}
-    alone = _drive(_vector(environment, 80, threads=1, **options), 30)
-    assert_same(alone, _drive(_vector(environment, 80, threads=3, **options), 30))
+    alone = _drive(_vector(environment, 32, threads=1, **options), 30)
+    assert_same(alone, _drive(_vector(environment, 32, threads=3, **options), 30))
 
 
 @pytest.mark.parametrize("environment", quick.IDS)

@@ -257,7 +257,7 @@ def carried(seed: int) -> list[Reading]:
     return given
 
 
-@pytest.mark.parametrize("seed", [0, 2, 3, 5])
+@pytest.mark.parametrize("seed", [0, 3])
 def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
     spaced, seldom = Albot1(), Albot1(replace(Albot1Config(), **EVERY_READING))
     since, views, lost = np.zeros(3), 0, 0
