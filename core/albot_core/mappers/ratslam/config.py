@@ -275,12 +275,15 @@ class RatSlamConfig:
         """Return the default parameters for a camera, with more frequent iterations.
 
         A scene stays in sight for a metre, and its links lead to where it came into sight. So it
-        injects most at once; later it would pull the packet back.
+        injects most at once; later it would pull the packet back. It is linked to few more than
+        the most active cell, so that what it injects is no wider than a packet.
         """
         return cls(
             sees="scenes",
             pose_cells=PoseCellConfig(),
-            views=LocalViewConfig(injection=0.12, fatigue=0.6, learning_delay=3.0),
+            views=LocalViewConfig(
+                injection=0.14, fatigue=0.6, learning_delay=3.0, linked_share=0.8
+            ),
             experiences=ExperienceConfig(),
             correction=CorrectionConfig(),
         )

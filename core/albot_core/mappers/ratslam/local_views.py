@@ -199,13 +199,11 @@ class Links(Stored):
             cells: The pose cells.
             way: Distance driven so far (m).
         """
-        top = cells.top(self._config.linked_share)
-        seen_from = cells.cells[top]
-        if any(offset):
-            seen_from = cells.moved(seen_from, before((0.0, 0.0, 0.0), offset))
-        peak = int(seen_from[np.argmax(cells.activity[top])])
+        seen_from = before((0.0, 0.0, 0.0), offset)
+        linked, activity = cells.top(self._config.linked_share, seen_from)
+        peak = int(linked[np.argmax(activity)])
         if not self.leads_near(view, peak, cells.shape):
-            self.remember(view, seen_from, active * cells.activity[top], way)
+            self.remember(view, linked, active * activity, way)
 
     def remember(
         self,
