@@ -172,6 +172,11 @@ class RatSlam(StoredMapper):
         """Number of views that were seen or linked to pose cells."""
         return self._links.views
 
+    @property
+    def link_strengths(self) -> Float64[np.ndarray, "links"]:
+        """Strengths of the live links from views to pose cells, in the order of learning."""
+        return self._links.strengths
+
     def snapshot(self) -> MapSnapshot:
         """Return experiences and transitions, and the trajectory over them in order of time."""
         position = self._position
