@@ -191,7 +191,7 @@ class ExperienceConfig:
     known place, until an experience is made there. 1: at once, as in eq. (11). 2 for a camera whose
     false scenes last for seconds: they are rarely seen so twice. Then the map also learns later
     that two places truly share a scene."""
-    confirmations: int = 3
+    confirmations: int = 4
     """Number of known experiences that must be entered after a re-localisation, without another
     one, before it is believed. Until then, transitions to known experiences wait; those of a false
     re-localisation are never learned. 0: every re-localisation is believed at once."""
