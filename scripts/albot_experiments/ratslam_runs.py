@@ -48,6 +48,10 @@ class Run:
     """Number of experiences at every reading."""
     places: Int64[np.ndarray, "readings"]
     """The active experience at every reading."""
+    grown: int
+    """Number of times that a link from a view to a pose cell grew stronger."""
+    weakened: int
+    """Number of times that one grew weaker; Hebbian learning (section 3.4) weakens none."""
 
     @cached_property
     def made_at(self) -> Poses:
@@ -152,12 +156,25 @@ def follow(readings: Sequence[Reading], truth: Poses, config: RatSlamConfig) -> 
     """Run a fresh mapper on the readings."""
     mapper = RatSlam(config, "ratslam" if config.sees == "laser" else "ratslam-scenes")
     packets, counts = np.empty((len(readings), 3)), np.zeros(len(readings), np.int64)
+    grown = weakened = 0
     for k, reading in enumerate(readings):
+        strengths = mapper.link_strengths.copy()
         mapper.update(reading)
+        now = mapper.link_strengths[: len(strengths)]
+        grown += int((now > strengths).sum())
+        weakened += int((now < strengths).sum())
         packets[k] = mapper.packet[:3]
         counts[k] = mapper.experiences.count
     places = np.array([mapper.place_at(k) for k in range(len(readings))])
-    return Run(mapper=mapper, truth=truth, packets=packets, counts=counts, places=places)
+    return Run(
+        mapper=mapper,
+        truth=truth,
+        packets=packets,
+        counts=counts,
+        places=places,
+        grown=grown,
+        weakened=weakened,
+    )
 
 
 def draw_pose_cells(axes: Axes, run: Run) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,7 @@ def test_measures_of_a_straight_way():
     assert run.longest_elsewhere == 0
     assert run.relocalisations == 0
     assert run.represented == (0, 0)
+    assert (run.grown, run.weakened) == (0, 0)  # No view is seen twice.
 
 
 def test_a_robot_taken_for_elsewhere_is_seen_to_be():
@@ -43,5 +46,11 @@ def test_a_loop_with_a_whole_turn_too_much_a_lap_is_mapped(monkeypatch):
     assert corrected.error < 0.5
     assert uncorrected.error > 5 * corrected.error
     assert corrected.relocalisations >= 1
+    assert corrected.grown > 0
+    assert corrected.weakened == 0
+    settled = dataclasses.replace(corrected, counts=np.full_like(corrected.counts, 30))
+    assert ratslam_loop.is_consistent(settled, uncorrected)
+    for fault in ({"weakened": 1}, {"grown": 0}):
+        assert not ratslam_loop.is_consistent(dataclasses.replace(settled, **fault), uncorrected)
     figure = ratslam_loop._picture(dict.fromkeys(ratslam_loop.BIASES, (corrected, uncorrected)))
     assert len(figure.axes) == 9

@@ -191,7 +191,7 @@ class ExperienceConfig:
     known place, until an experience is made there. 1: at once, as in eq. (11). 2 for a camera whose
     false scenes last for seconds: they are rarely seen so twice. Then the map also learns later
     that two places truly share a scene."""
-    confirmations: int = 3
+    confirmations: int = 4
     """Number of known experiences that must be entered after a re-localisation, without another
     one, before it is believed. Until then, transitions to known experiences wait; those of a false
     re-localisation are never learned. 0: every re-localisation is believed at once."""
@@ -275,12 +275,15 @@ class RatSlamConfig:
         """Return the default parameters for a camera, with more frequent iterations.
 
         A scene stays in sight for a metre, and its links lead to where it came into sight. So it
-        injects most at once; later it would pull the packet back.
+        injects most at once; later it would pull the packet back. It is linked to few more than
+        the most active cell, so that what it injects is no wider than a packet.
         """
         return cls(
             sees="scenes",
             pose_cells=PoseCellConfig(),
-            views=LocalViewConfig(injection=0.12, fatigue=0.6, learning_delay=3.0),
+            views=LocalViewConfig(
+                injection=0.14, fatigue=0.6, learning_delay=3.0, linked_share=0.8
+            ),
             experiences=ExperienceConfig(),
             correction=CorrectionConfig(),
         )

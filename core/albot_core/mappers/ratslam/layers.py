@@ -55,7 +55,10 @@ def map_layers(
 
 
 def network_activity(cells: PoseCells) -> Activity:
-    """Return the activity of the pose cells over (x', y'), the largest over θ'."""
+    """Return the activity of the pose cells over (x', y'), the largest over θ'.
+
+    Activity is drawn at the nearest fixed cell, up to half a cell from where it is.
+    """
     (columns, rows, _), config, packet = cells.shape, cells.config, cells.packet
     values = np.zeros((rows, columns), np.float32)
     places = cells.cells % (columns * rows)

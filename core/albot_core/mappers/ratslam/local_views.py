@@ -24,7 +24,8 @@ from albot_core.mappers.stored import Stored
 NO_VIEW = -1
 """The view of a robot that recognises nothing."""
 NEAR = 2
-"""A view that has a link to a cell at most this far away along each axis learns no other."""
+"""A view that has a link to a cell at most this far away along each axis makes no other; only the
+strength of its links grows. So its links do not follow a packet that drifts."""
 _NONE = np.zeros(0, np.int64), np.zeros(0)
 
 
@@ -164,13 +165,20 @@ class Links(Stored):
         """
         if active <= 0.0 or not self.has_links(view):
             return _NONE
-        links = self._links
-        found = np.empty(links.count, np.int64)
-        count = list_links(int(self._views["first"][view]), links["next"], found)
-        chosen = found[:count]
+        links, chosen = self._links, self._links_of(view)
         strengths = links["strength"][chosen]
         amounts = self._config.injection * active * strengths / strengths.sum()
         return links["cell"][chosen], amounts
+
+    def _links_of(self, view: int) -> Int64[np.ndarray, "some"]:
+        """Return the numbers of a view's links."""
+        found = np.empty(self._links.count, np.int64)
+        return found[: list_links(int(self._views["first"][view]), self._links["next"], found)]
+
+    @property
+    def strengths(self) -> Float64[np.ndarray, "links"]:
+        """Strength of each link, in the order in which they were learned (a view)."""
+        return self._links.rows("strength")
 
     def linked(self, count: int) -> Bool[np.ndarray, "views"]:
         """Return which of the first `count` views have links."""
@@ -199,13 +207,13 @@ class Links(Stored):
             cells: The pose cells.
             way: Distance driven so far (m).
         """
-        top = cells.top(self._config.linked_share)
-        seen_from = cells.cells[top]
-        if any(offset):
-            seen_from = cells.moved(seen_from, before((0.0, 0.0, 0.0), offset))
-        peak = int(seen_from[np.argmax(cells.activity[top])])
-        if not self.leads_near(view, peak, cells.shape):
-            self.remember(view, seen_from, active * cells.activity[top], way)
+        seen_from = before((0.0, 0.0, 0.0), offset)
+        linked, activity = cells.top(self._config.linked_share, seen_from)
+        peak = int(linked[np.argmax(activity)])
+        if self.leads_near(view, peak, cells.shape):  # Only its own links grow.
+            is_own = np.isin(linked, self._links["cell"][self._links_of(view)])
+            linked, activity = linked[is_own], activity[is_own]
+        self.remember(view, linked, active * activity, way)
 
     def remember(
         self,

@@ -60,7 +60,11 @@ class RatSlam(StoredMapper):
         )
         self._log = EventLog()
         self._history = Table(
-            "history", Field("place", "", int, least=-1, below="experiences"), Field("pose", "3")
+            "history",
+            Field("place", "", int, least=-1, below="experiences"),
+            # The robot's pose in the frame of an experience.
+            Field("frame", "", int, least=0, below="experiences"),
+            Field("pose", "3"),
         )
         super().__init__(config, name)
 
@@ -86,7 +90,12 @@ class RatSlam(StoredMapper):
         position.stamp = reading.stamp
         if is_first or self._has_moved_on():
             self._iterate()
-        self._history.append(place=position.place, pose=position.here)
+        if position.dropped is not None:
+            frames, poses = position.dropped
+            rows = slice(self._history.count - len(frames), self._history.count)
+            self._history["frame"][rows], self._history["pose"][rows] = frames, poses
+        self._history.append(place=position.place, frame=position.place, pose=position.here)
+        position.note()
         return position.updates > updates
 
     def _has_moved_on(self) -> bool:
@@ -163,6 +172,11 @@ class RatSlam(StoredMapper):
         """Number of views that were seen or linked to pose cells."""
         return self._links.views
 
+    @property
+    def link_strengths(self) -> Float64[np.ndarray, "links"]:
+        """Strengths of the live links from views to pose cells, in the order of learning."""
+        return self._links.strengths
+
     def snapshot(self) -> MapSnapshot:
         """Return experiences and transitions, and the trajectory over them in order of time."""
         position = self._position
@@ -196,10 +210,10 @@ class RatSlam(StoredMapper):
 
     def corrected_poses(self) -> Poses:
         """Return the pose at every reading since the reset, as estimated now, (readings, 3)."""
-        places = self._history.rows("place")
-        if not len(places):
+        frames = self._history.rows("frame")
+        if not len(frames):
             return np.empty((0, 3))
-        return compose(self._position.map.poses[places], self._history.rows("pose"))
+        return compose(self._position.map.poses[frames], self._history.rows("pose"))
 
     @property
     def way_home(self) -> WayHome:

@@ -4,6 +4,12 @@ Only active cells are stored, and an iteration touches only them and their neigh
 as long in a large network as in a small one. The paper does not give the weights of an iteration.
 Here they are Gaussians along each axis: excitation, then a wider inhibition of the excited cells,
 then the same inhibition of all cells.
+
+The competition draws a packet to the nearest cell. On a lattice that stands still, small shifts
+would be lost, and a packet would turn to the directions of the axes. So the lattice moves with the
+largest packet: the packet's centre stays at a cell, and the lattice keeps the fraction of a cell by
+which it moved. Activity that moves otherwise is shared among neighbouring cells. Positions that
+others see, and the cells that views are linked to, are those of the fixed cells.
 """
 
 from __future__ import annotations
@@ -78,6 +84,7 @@ class PoseCells(Stored):
         Field("active_cells", "active", int, at="cells", least=0, below="cells", once=True),
         Field("activity", "active", at="activity", least=0),
         Field("packet", "4", at="packet", least=0, most="sides"),
+        Field("lattice", "3", at="lattice", least=-0.5, most=0.5),
     )
 
     def __init__(self, config: PoseCellConfig) -> None:
@@ -93,10 +100,13 @@ class PoseCells(Stored):
         self.seed(Packet(columns // 2, rows // 2, 0.0, 1.0))
 
     def seed(self, packet: Packet) -> None:
-        """Restart with all activity in the cell at a packet's centre."""
+        """Restart with all activity in a cell at a packet's centre."""
         cell = cell_at(packet.x, packet.y, packet.heading, self.shape)
+        self.lattice: Place = (_part(packet.x), _part(packet.y), _part(packet.heading))
+        """Position of the lattice's cells relative to the fixed cells of the same numbers (cells,
+        within half a cell)."""
         self.cells: Int64[np.ndarray, "active"] = np.array((cell,))
-        """Numbers of the active cells: (θ' rows + y') columns + x'."""
+        """Numbers of the active cells of the lattice: (θ' rows + y') columns + x'."""
         self.activity: Float64[np.ndarray, "active"] = np.ones(1)
         """Activity of each active cell; the sum is 1."""
         self.packet = packet
@@ -105,15 +115,15 @@ class PoseCells(Stored):
     def iterate(
         self,
         motion: tuple[float, float, float],
-        injected: Int64[np.ndarray, "some"],
+        injected: Float64[np.ndarray, "some 3"],
         amounts: Float64[np.ndarray, "some"],
     ) -> bool:
         """Inject activity, let cells compete, and shift all activity with the robot.
 
         Args:
             motion: The robot's pose in its frame at the last iteration (m, m, rad).
-            injected: Cells into which activity is injected.
-            amounts: Activity injected into each, as a share of all activity.
+            injected: Positions (x', y', θ') at which activity is injected (cells).
+            amounts: Activity injected at each, as a share of all activity.
 
         Returns:
             Whether any activity is left. If not, the network is seeded at the last packet.
@@ -121,7 +131,7 @@ class PoseCells(Stored):
         config, scratch = self.config, _scratch(self._scratch_size)
         excitation, inhibition = _weights(config)
         shift = motion[0] / config.cell, motion[1] / config.cell, motion[2] / config.cell_turn
-        count = iterate(
+        count, *places = iterate(
             self.cells,
             self.activity,
             injected,
@@ -129,6 +139,7 @@ class PoseCells(Stored):
             self.shape,
             (excitation, inhibition, config.global_inhibition),
             shift,
+            (self.lattice, self.packet[:3]),
             scratch,
         )
         if not count:
@@ -136,12 +147,29 @@ class PoseCells(Stored):
             return False
         self.cells = scratch.cells[0, :count].copy()
         self.activity = scratch.first[self.cells]
-        self.packet = Packet(*find_packet(self.cells, self.activity, self.shape, scratch.first))
+        self.lattice = places[0], places[1], places[2]
+        self.packet = Packet(
+            *find_packet(self.cells, self.activity, self.shape, self.lattice, scratch.first)
+        )
         return True
 
-    def top(self, share: float) -> Int64[np.ndarray, "some"]:
-        """Return the indices in `cells` of those with at least this share of the top activity."""
-        return np.flatnonzero(self.activity >= share * self.activity.max())
+    def top(
+        self, share: float, motion: tuple[float, float, float]
+    ) -> tuple[Int64[np.ndarray, "some"], Float64[np.ndarray, "some"]]:
+        """Return the fixed cells with at least this share of the top activity, and their activity.
+
+        Args:
+            share: Share of the top activity.
+            motion: A motion by which all activity is moved before (m, m, rad).
+        """
+        scratch = _scratch(self._scratch_size)
+        places = self._moved(self._axes(self.cells) + np.array(self.lattice), motion)
+        count = read_out(places, self.activity, self.shape, scratch)
+        cells = scratch.cells[0, :count].copy()
+        activity = scratch.first[cells]
+        scratch.first[cells] = 0.0
+        is_top = activity >= share * activity.max()
+        return cells[is_top], activity[is_top]
 
     def shares(self) -> tuple[float, float]:
         """Return the shares of all activity of the largest packet and of the next one."""
@@ -166,17 +194,26 @@ class PoseCells(Stored):
 
     def moved(
         self, cells: Int64[np.ndarray, "some"], motion: tuple[float, float, float]
-    ) -> Int64[np.ndarray, "some"]:
-        """Return the cells that a robot reaches from each of these by a motion (m, m, rad)."""
-        columns, rows, headings = self.shape
+    ) -> Float64[np.ndarray, "some 3"]:
+        """Return the positions that a robot reaches from fixed cells by a motion (m, m, rad)."""
+        return self._moved(self._axes(cells), motion)
+
+    def _axes(self, cells: Int64[np.ndarray, "some"]) -> Float64[np.ndarray, "some 3"]:
+        """Return the positions x', y', θ' of cells, given by their numbers."""
+        columns, rows, _ = self.shape
+        axes = cells % columns, cells // columns % rows, cells // (columns * rows)
+        return np.stack(axes, axis=1).astype(np.float64)
+
+    def _moved(
+        self, places: Float64[np.ndarray, "some 3"], motion: tuple[float, float, float]
+    ) -> Float64[np.ndarray, "some 3"]:
+        """Return the positions that a robot reaches from others by a motion (m, m, rad)."""
         config = self.config
-        angles = cells // (columns * rows) * config.cell_turn
+        angles = places[:, 2] * config.cell_turn
         cos, sin = np.cos(angles) / config.cell, np.sin(angles) / config.cell
-        x = np.rint(cells % columns + cos * motion[0] - sin * motion[1])
-        y = np.rint(cells // columns % rows + sin * motion[0] + cos * motion[1])
-        layer = np.rint(cells // (columns * rows) + motion[2] / config.cell_turn)
-        flat = ((layer % headings) * rows + y % rows) * columns + x % columns
-        return np.asarray(flat, np.int64)
+        x, y = cos * motion[0] - sin * motion[1], sin * motion[0] + cos * motion[1]
+        turn = np.full(len(places), motion[2] / config.cell_turn)
+        return np.asarray(places + np.stack((x, y, turn), axis=1))
 
     def offset(self, x: float, y: float, heading: float) -> Pose:
         """Return the packet's centre seen from a pose in cells, the shortest way (m, m, rad)."""
@@ -196,6 +233,8 @@ def _shortest(difference: float, cells: int) -> float:
 
 
 Shape = tuple[int, int, int]
+Place = tuple[float, float, float]
+"""x', y' and θ' (cells)."""
 
 
 @kernel()
@@ -217,25 +256,43 @@ def iterate(
     shape: Shape,
     weights: tuple[np.ndarray, np.ndarray, float],
     shift: tuple[float, float, float],
+    places: tuple[Place, Place],
     scratch: Scratch,
-) -> int:
-    """Run one iteration; return the number of cells that are active after it.
+) -> tuple[int, float, float, float]:
+    """Run one iteration; return the number of cells that are active after it, and the lattice.
 
     These cells are in the first row of `scratch.cells`, their activity in `scratch.first`. The
     caller must clear `scratch.first` (as `find_packet` does). If no cell is active, all is cleared.
+    `places` holds the positions of the lattice and of the packet's centre.
     """
-    first, second, third, lists = scratch
-    here, there = lists[0], lists[1]
+    first, third = scratch.first, scratch.third
+    here, there = scratch.cells[0], scratch.cells[1]
+    lattice, centre = places
     count = 0
     for k in range(cells.shape[0]):
         count = _add(first, here, count, cells[k], activity[k])
     for k in range(injected.shape[0]):
         if amounts[k] > 0.0:
-            count = _add(first, here, count, injected[k], amounts[k])
+            x, y = injected[k, 0] - lattice[0], injected[k, 1] - lattice[1]
+            place = x, y, injected[k, 2] - lattice[2]
+            count = _share(first, here, count, place, amounts[k], shape)
     count = _compete(shape, weights, scratch, count)
     if count == 0:
-        return 0
-    return _shift(third, first, second, here, there, count, shape, shift)
+        return 0, lattice[0], lattice[1], lattice[2]
+    return _shift(third, first, here, there, count, shape, shift, lattice, centre)
+
+
+@kernel()
+def read_out(places: np.ndarray, activity: np.ndarray, shape: Shape, scratch: Scratch) -> int:
+    """Share activity at positions among the fixed cells; return the number of cells reached.
+
+    These cells are in the first row of `scratch.cells`, their activity in `scratch.first`.
+    """
+    count = 0
+    for k in range(places.shape[0]):
+        place = places[k, 0], places[k, 1], places[k, 2]
+        count = _share(scratch.first, scratch.cells[0], count, place, activity[k], shape)
+    return count
 
 
 @kernel()
@@ -327,64 +384,94 @@ def _spread(
 
 
 @kernel()
+def _share(
+    target: np.ndarray, reached: np.ndarray, count: int, place: Place, amount: float, shape: Shape
+) -> int:
+    """Share activity at a position among its eight neighbours; return the length of the list."""
+    columns, rows, headings = shape
+    east, north = _wrapped(place[0], columns), _wrapped(place[1], rows)
+    turn = _wrapped(place[2], headings)
+    x, y, layer = np.int64(east), np.int64(north), np.int64(turn)
+    part_x, part_y, part_turn = east - x, north - y, turn - layer
+    for j in range(8):
+        share = part_x if j & 1 else 1.0 - part_x
+        share *= part_y if j & 2 else 1.0 - part_y
+        share *= part_turn if j & 4 else 1.0 - part_turn
+        if share > _LEAST:
+            to = ((layer + (j >> 2)) % headings * rows + (y + (j >> 1 & 1)) % rows) * columns
+            count = _add(target, reached, count, int(to + (x + (j & 1)) % columns), share * amount)
+    return count
+
+
+@kernel()
 def _shift(
     source: np.ndarray,
     target: np.ndarray,
-    between: np.ndarray,
     cells: np.ndarray,
     reached: np.ndarray,
     count: int,
     shape: Shape,
     shift: tuple[float, float, float],
-) -> int:
-    """Move all activity with the robot (path integration); return the number of active cells.
+    lattice: Place,
+    centre: Place,
+) -> tuple[int, float, float, float]:
+    """Move all activity with the robot (path integration).
 
-    The activity of each heading moves in its own direction, and fractions of a cell are shared
-    among neighbouring cells. `source` is cleared; `cells` lists the active cells afterwards.
+    The activity of each heading moves in its own direction. The lattice moves so that the packet,
+    whose centre was at `centre`, is at a cell. `source` is cleared; `cells` lists the active cells
+    afterwards.
+
+    Returns:
+        The number of active cells, and the position of the lattice.
     """
     columns, rows, headings = shape
-    found, layer, east, north = 0, -1, 0.0, 0.0
+    # The packet moves in all its headings at once, and their mean is shorter than the motion. So
+    # all moves are longer by as much.
+    middle = centre[2] - lattice[2]
+    forward, total = 0.0, 0.0
+    for k in range(count):
+        away = cells[k] // (columns * rows) - middle
+        away = (away + headings / 2) % headings - headings / 2
+        if abs(away) <= _WINDOW + 0.5:
+            forward += source[cells[k]] * math.cos(2.0 * math.pi * away / headings)
+            total += source[cells[k]]
+    stretch = total / forward if forward > 0.0 else 1.0
+    shift_x, shift_y = stretch * shift[0], stretch * shift[1]
+    # How far the lattice moves, and how far each layer does beyond that.
+    angle = 2.0 * math.pi * centre[2] / headings
+    east, north = rotate(math.cos(angle), math.sin(angle), shift_x, shift_y)
+    moved_x = _part(east + centre[0]) - lattice[0]
+    moved_y = _part(north + centre[1]) - lattice[1]
+    moved_turn = _part(shift[2] + centre[2]) - lattice[2]
+    turn = shift[2] - moved_turn
+    found, layer = 0, -1
     for k in range(count):
         cell = cells[k]
         amount = source[cell]
         source[cell] = 0.0
         if cell // (columns * rows) != layer:
             layer = cell // (columns * rows)
-            angle = 2.0 * math.pi * layer / headings
-            east, north = rotate(math.cos(angle), math.sin(angle), shift[0], shift[1])
-            east, north = _wrapped(east, columns), _wrapped(north, rows)
-        whole_x, whole_y = math.floor(east), math.floor(north)
-        part_x, part_y = east - whole_x, north - whole_y
-        x = (cell % columns + np.int64(whole_x)) % columns
-        y = (cell // columns % rows + np.int64(whole_y)) % rows
-        for j in range(4):
-            share = (part_x if j & 1 else 1.0 - part_x) * (part_y if j & 2 else 1.0 - part_y)
-            if share > 0.0:
-                to = (layer * rows + (y + (j >> 1)) % rows) * columns + (x + (j & 1)) % columns
-                found = _add(between, reached, found, to, share * amount)
-    turn = _wrapped(shift[2], headings)
-    whole = math.floor(turn)
-    part = turn - whole
-    count = 0
+            angle = 2.0 * math.pi * (layer + lattice[2]) / headings
+            east, north = rotate(math.cos(angle), math.sin(angle), shift_x, shift_y)
+            east, north = east - moved_x, north - moved_y
+        place = cell % columns + east, cell // columns % rows + north, layer + turn
+        found = _share(target, reached, found, place, amount, shape)
     for k in range(found):
-        cell = reached[k]
-        amount = between[cell]
-        between[cell] = 0.0
-        layer = (cell // (columns * rows) + np.int64(whole)) % headings
-        flat = cell % (columns * rows)
-        for j in range(2):
-            share = part if j else 1.0 - part
-            if share > 0.0:
-                to = (layer + j) % headings * (columns * rows) + flat
-                count = _add(target, cells, count, to, share * amount)
-    return count
+        cells[k] = reached[k]
+    return found, lattice[0] + moved_x, lattice[1] + moved_y, lattice[2] + moved_turn
+
+
+@kernel()
+def _part(place: float) -> float:
+    """Return how far a position is from the nearest cell, within [-1/2, 1/2)."""
+    return place - math.floor(place + 0.5)
 
 
 @kernel()
 def find_packet(
-    cells: np.ndarray, activity: np.ndarray, shape: Shape, dense: np.ndarray
+    cells: np.ndarray, activity: np.ndarray, shape: Shape, lattice: Place, dense: np.ndarray
 ) -> tuple[float, float, float, float]:
-    """Return the centre of the packet round the most active cell (cells), and its share.
+    """Return the centre of the packet round the most active cell (fixed cells), and its share.
 
     The packet may lie across the wrap. `dense` holds the activity of all cells, and is cleared.
     """
@@ -404,9 +491,9 @@ def find_packet(
     for k in range(cells.shape[0]):
         dense[cells[k]] = 0.0
     return (
-        _wrapped(x + east / share, columns),
-        _wrapped(y + north / share, rows),
-        _wrapped(layer + turn / share, headings),
+        _wrapped(x + east / share + lattice[0], columns),
+        _wrapped(y + north / share + lattice[1], rows),
+        _wrapped(layer + turn / share + lattice[2], headings),
         share,
     )
 

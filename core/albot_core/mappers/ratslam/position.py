@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from albot_core.geometry.poses import compose, relative
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
@@ -104,6 +104,9 @@ class Position(Stored):
         self.reading = 0
         """Number of readings before this one."""
         self.iteration = self._left_in = self.updates = self.version = 0
+        self.dropped: tuple[np.ndarray, Poses] | None = None
+        """Poses by odometry at the last readings, and the experiences in whose frames they are.
+        They replace those by a re-localisation that was just dropped; None if none was."""
         self._weight = 0.0
         """The weight of the view when a known experience was last entered; 0 if none ever was."""
 
@@ -155,6 +158,8 @@ class Position(Stored):
         is_earlier = self.way - table["way"][experience] >= config.min_revisit_distance
         recognised = is_earlier and not is_new
         self.matched = int(table["reading"][experience]) if recognised else -1
+        if is_new:  # It lies where odometry from the anchor puts it, and so did the way to it.
+            self._drop_poses()
         if self.place >= 0:
             motion = before(self.here, offset)
             time, steps = self.stamp - self._left_at, self.iteration - self._left_in
@@ -260,8 +265,21 @@ class Position(Stored):
             self.place, self.here = verification.anchor, verification.from_anchor
             self._variance = verification.variance
             self._left_at, self._left_in = verification.left_at, verification.left_in
+            self._drop_poses()
         left = self._left_at, self._left_in
         verification.begin(self.place, self.here, self._variance, *left, self.map.count)
+
+    def _drop_poses(self) -> None:
+        """Go back to the poses by odometry since the pending re-localisation; see `dropped`."""
+        meanwhile = self._verification.meanwhile
+        if meanwhile.count:
+            self.dropped = meanwhile.rows("anchor").copy(), meanwhile.rows("pose").copy()
+            meanwhile.clear()
+
+    def note(self) -> None:
+        """Note the robot's pose at a reading, for a re-localisation that is dropped later."""
+        self.dropped = None
+        self._verification.note()
 
     def _connect(self, transition: Transition) -> None:
         """Learn a transition."""

@@ -3,8 +3,9 @@
 A false re-localisation would leave a transition between two distant places, and the correction
 would bend the map towards it for ever. So transitions to known experiences are pending, and
 odometry continues from the last verified experience, the anchor. If the robot is re-localised again
-before enough known experiences followed one another, the pending transitions are dropped. This is
-our addition; the paper does not cover it.
+before enough known experiences followed one another, the pending transitions are dropped. Then, and
+when a new experience is made, the robot's poses in the meantime become those by odometry from the
+anchor. This is our addition; the paper does not cover it.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class Verification(Stored):
             Field("variance", at="variance"),
             Field("left_at", at="left_at"),
         ),
-        parts=("_pending",),
+        parts=("_pending", "meanwhile"),
     )
 
     def __init__(self) -> None:
@@ -67,6 +68,10 @@ class Verification(Stored):
             Field("variance", least=0),
             Field("motion", "3"),
         )
+        self.meanwhile = Table(
+            "meanwhile", Field("anchor", "", int, least=0, below="experiences"), Field("pose", "3")
+        )
+        """The robot's pose by odometry from the anchor, at every reading while pending."""
         self.reset()
 
     def reset(self) -> None:
@@ -86,6 +91,12 @@ class Verification(Stored):
         self.known = 0
         """Number of experiences at the re-localisation."""
         self._pending.clear()
+        self.meanwhile.clear()
+
+    def note(self) -> None:
+        """Note the robot's pose by odometry from the anchor, at a reading while pending."""
+        if self.anchor >= 0:
+            self.meanwhile.append(anchor=self.anchor, pose=self.from_anchor)
 
     def begin(
         self,

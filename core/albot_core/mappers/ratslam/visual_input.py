@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.ratslam.config import RatSlamConfig
@@ -24,8 +24,8 @@ from albot_core.mappers.schema import Field, Schema
 from albot_core.mappers.stored import Stored
 from albot_core.sensing.reading import LaserScan, Reading
 
-Injection = tuple[Int64[np.ndarray, "injected"], Float64[np.ndarray, "injected"]]
-"""Cells into which activity is injected, and the activity injected into each."""
+Injection = tuple[Float64[np.ndarray, "injected 3"], Float64[np.ndarray, "injected"]]
+"""Positions in the pose cells at which activity is injected, and the activity at each."""
 
 _EXPECTED = 4
 """Number of experiences nearest to the robot that are searched at their expected poses."""
@@ -85,7 +85,7 @@ class SceneInput(Stored):
         is_new, position.view = self._seen != position.view, self._seen
         self._comes_into_sight = is_new
         if position.view == NO_VIEW:
-            return np.zeros(0, np.int64), np.zeros(0)
+            return np.zeros((0, 3)), np.zeros(0)
         active = links.activate(position.view, position.iteration)
         if is_new:
             if self._is_elsewhere():
@@ -191,7 +191,7 @@ class LaserInput(Stored):
             for seen in self._matches
         ]
         total = sum(weights) + config.new_place_weight
-        injected: list[Injection] = [(np.zeros(0, np.int64), np.zeros(0))]
+        injected: list[Injection] = [(np.zeros((0, 3)), np.zeros(0))]
         for seen, weight in zip(self._matches, weights, strict=True):
             active = links.activate(seen.view, position.iteration)
             if weight > 0.0:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from albot_core.mappers.ratslam.config import LocalViewConfig
+from albot_core.mappers.ratslam.config import LocalViewConfig, PoseCellConfig
 from albot_core.mappers.ratslam.local_views import NO_VIEW, Links, Scenes
+from albot_core.mappers.ratslam.pose_cells import Packet, PoseCells
 
 CONFIG = LocalViewConfig()
 
@@ -47,6 +49,24 @@ def test_links_follow_the_maximum_rule_and_wait():
     # Together they are the injection: the less of each would be 2 to 3.
     np.testing.assert_allclose(amounts[order], CONFIG.injection * np.array((5, 6)) / 11)
     np.testing.assert_array_equal(links.linked(3), (True, False, False))
+
+
+def test_a_view_near_its_links_strengthens_these_and_makes_no_other():
+    """A packet of one cell is linked; a wider one strengthens it, and a tired view does not."""
+    cells, links = PoseCells(PoseCellConfig()), Links(CONFIG)
+    cells.seed(Packet(20.0, 30.0, 4.0, 1.0))
+    links.activate(0, 1)
+    strengths = []
+    for k, active in enumerate((0.3, 0.9, 0.2)):
+        links.associate(0, active, (0.0, 0.0, 0.0), cells, 10.0 * k)
+        links.learn(10.0 * k + CONFIG.learning_delay + 0.1)
+        strengths.append(links.strengths.tolist())
+        cells.seed(Packet(20.2, 30.0, 4.0, 1.0))
+    assert strengths == [[0.3], pytest.approx([0.9 * 0.8]), pytest.approx([0.9 * 0.8])]
+    cells.seed(Packet(25.0, 30.0, 4.0, 1.0))  # Not near.
+    links.associate(0, 0.1, (0.0, 0.0, 0.0), cells, 40.0)
+    links.learn(60.0)
+    assert links.strengths.tolist() == pytest.approx([0.9 * 0.8, 0.1])
 
 
 def test_what_waits_when_the_robot_is_relocalised_is_not_learned():

@@ -56,6 +56,16 @@ def test_a_false_relocalisation_leaves_no_transition():
     np.testing.assert_allclose(mapper.experiences.poses[:, 0], made_at, atol=0.5)
 
 
+def test_a_false_relocalisation_that_is_dropped_leaves_no_pose():
+    """Its poses were elsewhere at the time; in hindsight they lie on the way."""
+    mapper = misled(confirmations=3)
+    places = np.array([mapper.place_at(k) for k in range(400)])
+    made_at = STEP * mapper.experiences.experiences.rows("reading")
+    way = STEP * np.arange(400)
+    assert np.abs(made_at[places] - way).max() > 20.0
+    np.testing.assert_allclose(mapper.corrected_poses()[:, 0], way, atol=0.5)
+
+
 def test_without_verification_it_bends_the_map():
     mapper = misled(confirmations=1)
     assert farthest_transition(mapper) > 20.0

@@ -72,11 +72,13 @@ def test_a_scene_injects_where_the_robot_has_come_since_it_came_into_sight() -> 
         visual.look(reading)
         visual.look(reading)
         position.since = (0.25, 0.0, 0.0)
-        injected.append(visual.inject()[0].tolist())
+        injected.append(visual.inject()[0])
         position.iteration += 1
-    assert injected == [[cell], [cell + 1], [cell + 2]]
+    here = cells.moved(np.array((cell,)), (0.0, 0.0, 0.0))
+    for k, places in enumerate(injected):
+        np.testing.assert_array_equal(places, here + np.array((k, 0, 0)))
     other = SceneInput(config, cells, links, position)
     other._set_state(visual.state())
     for each in (other, visual):
         each.look(reading)
-        assert each.inject()[0].tolist() == [cell + 3]
+        np.testing.assert_array_equal(each.inject()[0], here + np.array((3, 0, 0)))
