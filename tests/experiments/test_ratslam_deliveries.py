@@ -10,19 +10,22 @@ import pytest
 from albot_core.evaluation.intervals import wilson
 from albot_core.mappers.mapper import POINT, TRAVEL
 from albot_core.mappers.ratslam.mapper import RatSlam
-from albot_experiments import ratslam_deliveries as deliveries
-from albot_experiments.ratslam_deliveries import (
-    BEATEN,
+from albot_experiments import ratslam_courier as courier
+from albot_experiments.ratslam_courier import (
+    APART,
     BOUND,
     CAUSES,
-    OTHERS,
-    PAPER,
     Delivery,
-    Trial,
     by_pose,
     by_routes,
     deliver,
     draw_goals,
+)
+from albot_experiments.ratslam_deliveries import (
+    BEATEN,
+    OTHERS,
+    PAPER,
+    Trial,
     figures,
     is_reached,
     report,
@@ -57,7 +60,7 @@ def test_goals_are_apart_and_known_by_the_reading_of_their_experience(trial: Tri
     mapper = trial.robot.mapper
     goals = draw_goals(mapper, 50, np.random.default_rng(0))
     places = np.array([mapper.experiences.poses[goal.experience, :2] for goal in goals])
-    assert np.hypot(*np.diff(places, axis=0).T).min() >= deliveries.APART
+    assert np.hypot(*np.diff(places, axis=0).T).min() >= APART
     for goal in goals[:10]:
         assert mapper.place_at(goal.reading) == goal.experience
 
@@ -83,7 +86,7 @@ def test_without_recall_nothing_is_delivered(
 ):
     rng = np.random.default_rng(2)
     (goal,) = draw_goals(trial.robot.mapper, 1, rng)
-    monkeypatch.setattr(deliveries, "LIMIT", 15.0)
+    monkeypatch.setattr(courier, "LIMIT", 15.0)
     monkeypatch.setattr(RatSlam, "way_to", recall)
     broken = deliver(trial.robot, goal, by_routes, rng)
     assert broken.cause == cause
@@ -97,7 +100,7 @@ def test_a_robot_that_stops_elsewhere_has_not_delivered(
 ):
     rng = np.random.default_rng(3)
     (goal,) = draw_goals(trial.robot.mapper, 1, rng)
-    monkeypatch.setattr(deliveries, "ARRIVED", 100.0)  # It believes to be there at once.
+    monkeypatch.setattr(courier, "ARRIVED", 100.0)  # It believes to be there at once.
     stopped = deliver(trial.robot, goal, by_pose, rng)
     assert (stopped.cause, stopped.time) == ("wrong place", 0.0)
     assert stopped.away > BOUND
