@@ -204,7 +204,7 @@ class Links(Stored):
         if any(offset):
             seen_from = cells.moved(seen_from, before((0.0, 0.0, 0.0), offset))
         peak = int(seen_from[np.argmax(cells.activity[top])])
-        if not self.leads_near(view, peak, cells.shape):
+        if self._config.links_in_sight or not self.leads_near(view, peak, cells.shape):
             self.remember(view, seen_from, active * cells.activity[top], way)
 
     def remember(
@@ -227,7 +227,8 @@ class Links(Stored):
         Links wait until the robot has driven on without being re-localised. If it is re-localised,
         its pose was wrong, and the links would lead to a place where it was not.
         """
-        ripe = int(np.searchsorted(self._waiting_numbers[:, 1], way - self._config.learning_delay))
+        ripest = way - self._config.learning_delay
+        ripe = int(np.searchsorted(self._waiting_numbers[:, 1], ripest, side="right"))
         if not ripe:
             return
         links = self._links
