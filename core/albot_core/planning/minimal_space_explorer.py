@@ -9,21 +9,42 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import numpy as np
 
+from albot_core.errors import InputError
 from albot_core.geometry.poses import inverse, transform_points
-from albot_core.geometry.types import Points
+from albot_core.geometry.types import Points, Segments
 from albot_core.planning.gap_explorer import Gap, find_gaps
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command, SteeringConfig, admissible_command, steer
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
+from albot_core.sensing.reading import LaserScan
+from albot_core.sensing.view import ViewConfig, construct_view
+
+GapKind = Literal["ranges", "surfaces"]
+"""What a gap lies between (see `MinimalSpaceConfig.gaps`)."""
+_KINDS: tuple[GapKind, ...] = get_args(GapKind)
+
+
+def _view() -> ViewConfig:
+    return ViewConfig(
+        cluster_gap=1.2, surface_length=0.5, break_height=0.05, surface_points=4, fit_lines=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MinimalSpaceConfig:
     """Parameters of the explorer: choice of gaps and length of moves."""
 
+    gaps: GapKind = "ranges"
+    """`surfaces`, the paper's: a gap lies "between two adjacent surfaces in view". `ranges`, ours:
+    it lies where the range jumps from beam to beam, between the edge and the point nearest to it on
+    the farther side, so that the robot passes it straight, and things too small for a surface
+    bound it too."""
+    view: ViewConfig = field(default_factory=_view)
+    """How surfaces are found in a scan: as landmark association does."""
     gap_width: float = 0.6
     """Gaps must be wider than this (m), as in the paper, and wider than the robot."""
     turn: float = np.radians(30.0)
@@ -39,6 +60,9 @@ class MinimalSpaceConfig:
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "gap_width", "turn", "drive")
         check_fields(self, NOT_NEGATIVE, "nearest")
+        if self.gaps not in _KINDS:
+            expected = f"one of {', '.join(_KINDS)}"
+            raise InputError("MinimalSpaceConfig.gaps", expected, repr(self.gaps))
 
 
 class MinimalSpaceExplorer:
@@ -86,16 +110,14 @@ class MinimalSpaceExplorer:
             wanted = steer(percept.points, self._target, self._config.steering)
         return admissible_command(wanted, percept.points, percept.motion, self._config.steering)
 
-    def gaps_in_view(self, points: Points) -> list[Gap]:
-        """Return the gaps wide enough for the robot, the paper's step (b).
-
-        The paper's gaps lie between two adjacent surfaces; here they are jumps of the range.
-
-        Args:
-            points: (beams, 2) end points of the beams (m, robot's frame).
-        """
-        narrowest = max(self._config.gap_width, 2 * self._config.steering.radius)
-        return find_gaps(points, narrowest=narrowest, reach=self._REACH)
+    def gaps_in_view(self, percept: Percept) -> list[Gap]:
+        """Return the gaps wide enough for the robot, the paper's step (b)."""
+        config = self._config
+        narrowest = max(config.gap_width, 2 * config.steering.radius)
+        if config.gaps == "ranges":
+            return find_gaps(percept.points, narrowest=narrowest, reach=self._REACH)
+        scan = LaserScan(ranges=percept.ranges, geometry=percept.laser)
+        return gaps_between(construct_view(scan, config.view).surfaces, narrowest)
 
     def _note_motion(self, percept: Percept) -> None:
         """Subtract the last step from the current move; end the move if it is complete."""
@@ -126,7 +148,7 @@ class MinimalSpaceExplorer:
         """
         self.moves += 1
         config = self._config
-        seen = self.gaps_in_view(percept.points)
+        seen = self.gaps_in_view(percept)
         # Leave out a gap in which the robot already stands.
         gaps = [gap for gap in minimal_space(seen) if np.hypot(*gap.centre) > 2 * self._ARRIVED]
         if gaps and self._steps_without_progress < self._BLOCKED_STEPS:
@@ -142,6 +164,26 @@ class MinimalSpaceExplorer:
         self._way_left = config.drive if self._turn_left == bearing else 0.0
         self._turned_by = 0.0
         self._steps_without_progress = 0
+
+
+def gaps_between(surfaces: Segments, narrowest: float) -> list[Gap]:
+    """Return the gaps between adjacent surfaces, each from the end of one to the begin of the next.
+
+    Args:
+        surfaces: The surfaces in view, in the order of the beams (m, robot's frame).
+        narrowest: Gaps are wider than this (m).
+    """
+    gaps = []
+    for end, begin in zip(surfaces[:-1, 2:], surfaces[1:, :2], strict=True):
+        across = begin - end
+        width = float(np.hypot(*across))
+        if width > narrowest:
+            centre = 0.5 * (end + begin)
+            outward = np.array((-across[1], across[0])) / width
+            if outward @ centre < 0.0:
+                outward = -outward
+            gaps.append(Gap(centre=centre, outward=outward, width=width))
+    return gaps
 
 
 def minimal_space(gaps: Sequence[Gap]) -> list[Gap]:
