@@ -68,14 +68,14 @@ CONDITIONS = {
     "judged by": ("eye", "the bars below"),
 }
 MOST_DOUBLED = 0.45
-"""At most this share of the map's surfaces doubles another (0.19 and 0.12 in offices 1 to 5; with
-gaps by ranges 0.28 and 0.09, and 0.89 and 0.96 if no surface is known again)."""
+"""At most this share of the map's surfaces doubles another (0.19 and 0.09 in offices 1 to 6;
+with gaps by ranges 0.28 and 0.09, and 0.89 and 0.96 if no surface is known again)."""
 MOST_CROSSINGS = 0.55
-"""Surfaces of the map intersect this many times for each of them at most (0.48 and 0.03 in offices
-1 to 5; 0.59 and 0.04 if no surface is left out where it intersects another)."""
+"""Surfaces of the map intersect this many times for each of them at most (0.32 and 0.07 in offices
+1 to 6). That the letter leaves out what intersects is judged in `association-1`."""
 MOST_KEPT = 0.9
 """`association` leaves out surfaces that intersect others: over all offices its map has at most
-this share of the intersections of one that keeps them (0.78 in offices 1 to 12; 1 without the
+this share of the intersections of one that keeps them (0.85 in offices 1 to 6; 1 without the
 rule)."""
 KEEPS_ALL = {"corner": LONGEST}
 """`association` that takes each crossing for a corner, so that it leaves nothing out."""

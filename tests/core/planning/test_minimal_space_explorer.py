@@ -70,11 +70,20 @@ def test_a_gap_in_which_the_robot_stands_bounds_the_space_without_nan():
 def test_a_gap_lies_between_two_adjacent_surfaces():
     """Two walls at x = 3, and between them 1.2 m of nothing."""
     walls = np.array([(3.0, -2.0, 3.0, -0.4), (3.0, 0.8, 3.0, 2.0)])
-    (found,) = gaps_between(walls, 0.6)
+    nothing = np.empty((0, 2))
+    (found,) = gaps_between(walls, nothing, 0.6, 0.25)
     np.testing.assert_allclose(found.centre, (3.0, 0.2))
     np.testing.assert_allclose(found.outward, (1.0, 0.0), atol=1e-12)
     assert found.width == pytest.approx(1.2)
-    assert gaps_between(walls, 1.3) == gaps_between(walls[:1], 0.6) == []
+    assert gaps_between(walls, nothing, 1.3, 0.25) == []
+    assert gaps_between(walls[:1], nothing, 0.6, 0.25) == []
+
+
+def test_things_too_small_for_a_surface_stand_in_a_gap():
+    walls = np.array([(3.0, -2.0, 3.0, -0.4), (3.0, 0.8, 3.0, 2.0)])
+    (beside,) = gaps_between(walls, np.array([(3.1, 0.0), (3.5, 0.5), (1.0, 0.6)]), 0.6, 0.25)
+    np.testing.assert_allclose((*beside.centre, beside.width), (3.0, 0.4, 0.8))
+    assert gaps_between(walls, np.array([(3.1, 0.2)]), 0.65, 0.25) == []
 
 
 def test_by_the_paper_what_is_seen_through_a_door_parts_its_gap_in_two():
