@@ -68,14 +68,14 @@ CONDITIONS = {
     "judged by": ("eye", "the bars below"),
 }
 MOST_DOUBLED = 0.45
-"""At most this share of the map's surfaces doubles another (0.19 and 0.09 in offices 1 to 6;
+"""At most this share of the map's surfaces doubles another (0.18 and 0.11 in offices 1 to 6;
 with gaps by ranges 0.28 and 0.09, and 0.89 and 0.96 if no surface is known again)."""
 MOST_CROSSINGS = 0.55
-"""Surfaces of the map intersect this many times for each of them at most (0.32 and 0.07 in offices
+"""Surfaces of the map intersect this many times for each of them at most (0.28 and 0.05 in offices
 1 to 6). That the letter leaves out what intersects is judged in `association-1`."""
-MOST_KEPT = 0.9
+MOST_KEPT = 0.95
 """`association` leaves out surfaces that intersect others: over all offices its map has at most
-this share of the intersections of one that keeps them (0.85 in offices 1 to 6; 1 without the
+this share of the intersections of one that keeps them (0.91 in offices 1 to 6; 1 without the
 rule)."""
 KEEPS_ALL = {"corner": LONGEST}
 """`association` that takes each crossing for a corner, so that it leaves nothing out."""
