@@ -89,7 +89,7 @@ class Run:
     @property
     def crossings(self) -> float:
         """Number of intersections of the map's surfaces, for each surface."""
-        return crossings_each(self.surfaces)
+        return count_crossings(self.surfaces) / max(len(self.surfaces), 1)
 
 
 Runs = Mapping[str, Run]
@@ -208,8 +208,8 @@ def doubled_share(surfaces: Segments) -> float:
     return float(is_double.mean()) if len(surfaces) else 0.0
 
 
-def crossings_each(surfaces: Segments) -> float:
-    """Return the number of intersections of surfaces, for each surface."""
+def count_crossings(surfaces: Segments) -> int:
+    """Return the number of intersections of surfaces."""
     found = 0
     for one, other in _pairs_within(surfaces, 0.0):
         lines = [LineString(surfaces[each].reshape(2, 2)) for each in (one, other)]
@@ -217,7 +217,7 @@ def crossings_each(surfaces: Segments) -> float:
             at = np.array(lines[0].intersection(lines[1]).coords[0])
             ends = np.concatenate((surfaces[one], surfaces[other])).reshape(4, 2)
             found += bool(np.hypot(*(ends - at).T).min() > _BEYOND)
-    return found / max(len(surfaces), 1)
+    return found
 
 
 def _pairs_within(surfaces: Segments, distance: float) -> Iterator[tuple[int, int]]:

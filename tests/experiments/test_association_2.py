@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from albot_experiments import association_2 as experiment
-from albot_experiments.association_1 import crossings_each, doubled_share
+from albot_experiments.association_1 import count_crossings, doubled_share
 from albot_maps import load_world
 
 WALL = (0.0, 0.0, 4.0, 0.0)
@@ -28,9 +28,9 @@ def test_a_surface_beside_another_of_its_direction_doubles_it(other, share):
 
 def test_surfaces_that_cross_are_counted_but_for_corners():
     across, corner = (2.0, -1, 2, 1), (4.0, -0.1, 4.0, 2)
-    assert crossings_each(np.array((WALL, across))) == 0.5
-    assert crossings_each(np.array((WALL, corner))) == 0.0
-    assert crossings_each(np.empty((0, 4))) == doubled_share(np.empty((0, 4))) == 0.0
+    assert count_crossings(np.array((WALL, across))) == 1
+    assert count_crossings(np.array((WALL, corner))) == 0
+    assert count_crossings(np.empty((0, 4))) == doubled_share(np.empty((0, 4))) == 0.0
 
 
 def test_views_are_a_short_move_apart():

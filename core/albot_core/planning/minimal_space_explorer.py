@@ -9,21 +9,42 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import numpy as np
 
+from albot_core.errors import InputError
 from albot_core.geometry.poses import inverse, transform_points
-from albot_core.geometry.types import Points
+from albot_core.geometry.types import Points, Segments
 from albot_core.planning.gap_explorer import Gap, find_gaps
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command, SteeringConfig, admissible_command, steer
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
+from albot_core.sensing.reading import LaserScan
+from albot_core.sensing.view import ViewConfig, construct_view
+
+GapKind = Literal["ranges", "surfaces"]
+"""What a gap lies between (see `MinimalSpaceConfig.gaps`)."""
+_KINDS: tuple[GapKind, ...] = get_args(GapKind)
+
+
+def _view() -> ViewConfig:
+    return ViewConfig(
+        cluster_gap=1.2, surface_length=0.5, break_height=0.05, surface_points=4, fit_lines=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MinimalSpaceConfig:
     """Parameters of the explorer: choice of gaps and length of moves."""
 
+    gaps: GapKind = "ranges"
+    """`surfaces`, the paper's: a gap lies "between two adjacent surfaces in view". `ranges`, ours:
+    it lies where the range jumps from beam to beam, between the edge and the point nearest to it on
+    the farther side, so that the robot passes it straight, and things too small for a surface
+    bound it too."""
+    view: ViewConfig = field(default_factory=_view)
+    """How surfaces are found in a scan: as landmark association does."""
     gap_width: float = 0.6
     """Gaps must be wider than this (m), as in the paper, and wider than the robot."""
     turn: float = np.radians(30.0)
@@ -39,6 +60,9 @@ class MinimalSpaceConfig:
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "gap_width", "turn", "drive")
         check_fields(self, NOT_NEGATIVE, "nearest")
+        if self.gaps not in _KINDS:
+            expected = f"one of {', '.join(_KINDS)}"
+            raise InputError("MinimalSpaceConfig.gaps", expected, repr(self.gaps))
 
 
 class MinimalSpaceExplorer:
@@ -58,6 +82,8 @@ class MinimalSpaceExplorer:
     """Distance to the centre of a gap at which it stops (m)."""
     _BLOCKED_STEPS = 10
     """Steps without progress after which a move ends because the way is blocked."""
+    _TURNS = 6
+    """Largest number of turns by which it turns away from where it is barred again: half a turn."""
     _MIN_PROGRESS = 0.005
     """Least progress of a step (m or rad)."""
 
@@ -71,6 +97,7 @@ class MinimalSpaceExplorer:
         self._turn_left, self._way_left, self._turned_by = 0.0, 0.0, 0.0
         self._steps_without_progress = 0
         self._side = 0.0
+        self._barred, self._turns = 0, 0
         self.moves = 0
         """Number of moves begun. The robot stands and scans before each."""
 
@@ -86,16 +113,16 @@ class MinimalSpaceExplorer:
             wanted = steer(percept.points, self._target, self._config.steering)
         return admissible_command(wanted, percept.points, percept.motion, self._config.steering)
 
-    def gaps_in_view(self, points: Points) -> list[Gap]:
-        """Return the gaps wide enough for the robot, the paper's step (b).
-
-        The paper's gaps lie between two adjacent surfaces; here they are jumps of the range.
-
-        Args:
-            points: (beams, 2) end points of the beams (m, robot's frame).
-        """
-        narrowest = max(self._config.gap_width, 2 * self._config.steering.radius)
-        return find_gaps(points, narrowest=narrowest, reach=self._REACH)
+    def gaps_in_view(self, percept: Percept) -> list[Gap]:
+        """Return the gaps wide enough for the robot, the paper's step (b)."""
+        config = self._config
+        narrowest = max(config.gap_width, 2 * config.steering.radius)
+        if config.gaps == "ranges":
+            return find_gaps(percept.points, narrowest=narrowest, reach=self._REACH)
+        scan = LaserScan(ranges=percept.ranges, geometry=percept.laser)
+        surfaces = construct_view(scan, config.view).surfaces
+        hits = percept.points[percept.ranges < percept.laser.max_range]
+        return gaps_between(surfaces, hits, narrowest, config.steering.radius)
 
     def _note_motion(self, percept: Percept) -> None:
         """Subtract the last step from the current move; end the move if it is complete."""
@@ -106,6 +133,7 @@ class MinimalSpaceExplorer:
         if max(way, abs(turn)) >= self._MIN_PROGRESS:
             self._steps_without_progress = 0
         self._turned_by += turn
+        is_driving = abs(self._turn_left) <= self._TURNED and self._way_left > 0.0
         if abs(self._turn_left) > self._TURNED:
             self._turn_left -= turn
             is_turned_away = False
@@ -113,25 +141,35 @@ class MinimalSpaceExplorer:
             self._way_left -= way
             # The paper's robot drives straight, so that two views overlap; ours swerves round
             # obstacles, but not farther than a turn.
-            is_turned_away = abs(self._turned_by) > self._config.turn + self._TURNED
+            farthest = self._config.turn + self._TURNED
+            is_turned_away = is_driving and abs(self._turned_by) > farthest
         is_blocked = self._steps_without_progress >= self._BLOCKED_STEPS
         if np.hypot(*self._target) < self._ARRIVED or is_blocked or is_turned_away:
             self._turn_left, self._way_left = 0.0, 0.0
+            if is_blocked or is_turned_away:
+                self._barred += 1
+                self._turns = int(self._rng.integers(1, self._TURNS + 1)) if self._barred > 1 else 0
+        if is_driving and self._way_left <= 0.0 and not (is_blocked or is_turned_away):
+            self._barred = 0
 
     def _begin_move(self, percept: Percept) -> None:
         """Choose a gap of the minimal bounded space and a move towards it.
 
         These are the paper's steps (b) to (e). Without a gap, or if the way is blocked, the robot
-        turns to one side until there is one; the paper does not describe this case.
+        turns to one side until there is one. After a way that was blocked, or led away from its
+        gap, any gap may be drawn, because the nearest may be the one that it cannot reach; after
+        another one it first turns by chance. The paper does not describe these cases.
         """
         self.moves += 1
         config = self._config
-        seen = self.gaps_in_view(percept.points)
+        seen = self.gaps_in_view(percept)
         # Leave out a gap in which the robot already stands.
         gaps = [gap for gap in minimal_space(seen) if np.hypot(*gap.centre) > 2 * self._ARRIVED]
-        if gaps and self._steps_without_progress < self._BLOCKED_STEPS:
+        self._turns -= 1
+        if gaps and self._turns < 0 and self._steps_without_progress < self._BLOCKED_STEPS:
             distances = np.array([np.hypot(*gap.centre) for gap in gaps])
-            near = np.flatnonzero(distances <= distances.min() + config.nearest)
+            farthest = np.inf if self._barred else distances.min() + config.nearest
+            near = np.flatnonzero(distances <= farthest)
             self._target = gaps[int(self._rng.choice(near))].centre
             self._side = 0.0
         else:
@@ -142,6 +180,37 @@ class MinimalSpaceExplorer:
         self._way_left = config.drive if self._turn_left == bearing else 0.0
         self._turned_by = 0.0
         self._steps_without_progress = 0
+
+
+def gaps_between(surfaces: Segments, hits: Points, narrowest: float, radius: float) -> list[Gap]:
+    """Return the gaps between adjacent surfaces, "an empty space" from one's end to the next one.
+
+    Things too small for a surface may stand between them: the gap is then the widest part that is
+    empty.
+
+    Args:
+        surfaces: The surfaces in view, in the order of the beams (m, robot's frame).
+        hits: (hits, 2) all points that the beams hit (m, robot's frame).
+        narrowest: Gaps are wider than this (m).
+        radius: Points nearer than this to the line across a gap stand in it (m).
+    """
+    gaps = []
+    for end, begin in zip(surfaces[:-1, 2:], surfaces[1:, :2], strict=True):
+        width = float(np.hypot(*(begin - end)))
+        if width <= narrowest:
+            continue
+        along = (begin - end) / width
+        outward = np.array((-along[1], along[0]))
+        ahead, aside = (hits - end) @ along, np.abs((hits - end) @ outward)
+        inside = ahead[(ahead > 0.0) & (ahead < width) & (aside < radius)]
+        bounds = np.sort(np.concatenate(((0.0, width), inside)))
+        widest = int(np.diff(bounds).argmax())
+        first, last = bounds[widest : widest + 2].tolist()
+        if last - first > narrowest:
+            centre = end + 0.5 * (first + last) * along
+            away = outward if outward @ centre > 0.0 else -outward
+            gaps.append(Gap(centre=centre, outward=away, width=last - first))
+    return gaps
 
 
 def minimal_space(gaps: Sequence[Gap]) -> list[Gap]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from jaxtyping import TypeCheckError
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
@@ -11,6 +12,7 @@ from albot_core.planning.gap_explorer import Gap
 from albot_core.planning.minimal_space_explorer import (
     MinimalSpaceConfig,
     MinimalSpaceExplorer,
+    gaps_between,
     minimal_space,
     space_outline,
 )
@@ -63,6 +65,36 @@ def test_a_gap_in_which_the_robot_stands_bounds_the_space_without_nan():
     points = np.array([(4.0, 0.0), (-2.0, 0.0), (0.0, 3.0)])
     outline = space_outline(points, [gap(0, 0, 0)])
     np.testing.assert_array_equal(outline, [(0.0, 0.0), (-2.0, 0.0), (0.0, 3.0)])
+
+
+def test_a_gap_lies_between_two_adjacent_surfaces():
+    """Two walls at x = 3, and between them 1.2 m of nothing."""
+    walls = np.array([(3.0, -2.0, 3.0, -0.4), (3.0, 0.8, 3.0, 2.0)])
+    nothing = np.empty((0, 2))
+    (found,) = gaps_between(walls, nothing, 0.6, 0.25)
+    np.testing.assert_allclose(found.centre, (3.0, 0.2))
+    np.testing.assert_allclose(found.outward, (1.0, 0.0), atol=1e-12)
+    assert found.width == pytest.approx(1.2)
+    assert gaps_between(walls, nothing, 1.3, 0.25) == []
+    assert gaps_between(walls[:1], nothing, 0.6, 0.25) == []
+
+
+def test_things_too_small_for_a_surface_stand_in_a_gap():
+    walls = np.array([(3.0, -2.0, 3.0, -0.4), (3.0, 0.8, 3.0, 2.0)])
+    (beside,) = gaps_between(walls, np.array([(3.1, 0.0), (3.5, 0.5), (1.0, 0.6)]), 0.6, 0.25)
+    np.testing.assert_allclose((*beside.centre, beside.width), (3.0, 0.4, 0.8))
+    assert gaps_between(walls, np.array([(3.1, 0.2)]), 0.65, 0.25) == []
+
+
+def test_by_the_paper_what_is_seen_through_a_door_parts_its_gap_in_two():
+    """The surface behind lies between the two of the wall; ours is one gap in the doorway."""
+    scan = scan_from(np.zeros(3), HOUSE)
+    ranges = np.minimum(scan.ranges, 30.0)
+    percept = Percept(ranges=ranges, laser=scan.geometry, pose=np.zeros(3), motion=np.zeros(3))
+    by_surfaces = MinimalSpaceExplorer(MinimalSpaceConfig(gaps="surfaces")).gaps_in_view(percept)
+    by_ranges = MinimalSpaceExplorer().gaps_in_view(percept)
+    assert max(gap.centre[0] for gap in by_surfaces) > 2.5
+    assert min(abs(gap.centre[0] - 2.0) for gap in by_ranges) < 0.1
 
 
 HOUSE = np.array([*OUTSIDE, *doorway(2.0, 1.0)], float)
@@ -146,3 +178,9 @@ def test_it_is_the_same_with_the_same_seed(driven):
 def test_thresholds_are_checked(name):
     with pytest.raises(InputError, match=rf"MinimalSpaceConfig\.{name}"):
         MinimalSpaceConfig(**{name: -1.0})
+
+
+def test_what_gaps_lie_between_is_checked():
+    wrong = {"gaps": "doors"}
+    with pytest.raises((InputError, TypeCheckError), match="gaps"):
+        MinimalSpaceConfig(**wrong)
