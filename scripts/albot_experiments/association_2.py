@@ -13,7 +13,7 @@ from albot_core.drawing.labels import Label, place_labels
 from albot_core.drawing.palette import FREE
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, transform_segments
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.registry import make_mapper
 from albot_core.mappers.schema import LONGEST
 from albot_core.planning.gap_explorer import Gap
@@ -82,8 +82,10 @@ KEEPS_ALL = {"corner": LONGEST}
 EXPLORER = MinimalSpaceConfig(gaps="surfaces")
 """The paper's explorer, whose gaps lie between adjacent surfaces."""
 _MOST_STEPS = 100_000
-_FORWARD = (1.5, 2.5)
-"""The move of the pictures is a straight one of this length (m), as the paper's of 2 m."""
+_FORWARD = 2.0
+"""The move of the paper's pictures is a straight one of this length (m)."""
+_EARLY = 60
+"""Ours is among this many views, so that the map is not full."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,12 +213,12 @@ seen from all sides. The shape is kept where the path error is {LARGEST_PATH_ERR
 so true that few surfaces intersect: `crossings_kept` is the number of its intersections in all
 offices by that of the same mapper when it leaves nothing out, and must be {MOST_KEPT:g} at most.
 
-The first picture shows the paper's figures 4 to 6 by `association-paper`, at a straight move of
-about 2 m: the map after the first view with its IDs; the frame of reference with the previous view
-and the current one, where U marks surfaces that are no landmarks; and the map after the new
-surfaces were transferred by their nearest landmarks. Beside them is the minimal bounded space at
-that stop, with the gaps that bound it and those that they cover. The second shows the way, and the
-map of each mapper at the end.
+The first picture shows the paper's figures 4 to 6 by `association-paper`, at the early move most
+like the paper's, 2 m straight on: the map after the first view with its IDs; the frame of reference
+with the previous view and the current one, where U marks surfaces that are no landmarks; and the
+map after the new surfaces were transferred by their nearest landmarks. Beside them is the minimal
+bounded space at that stop, with the gaps that bound it and those that they cover. The second shows
+the way, and the map of each mapper at the end.
 """
 
 
@@ -228,14 +230,15 @@ def _picture_of_steps(wandering: Wandering) -> Figure:
     readings = wandering.journey.readings
     mapper.update(readings[0])
     first = mapper.snapshot().segments
-    for reading in readings[1:]:
-        before, motion = mapper.state(), reading.motion
+    steps = []
+    for reading in readings[1:_EARLY]:
+        before = mapper.state()
         mapper.update(reading)
         after = mapper.state()
-        is_new = after["view.ids"] >= len(before["surfaces"])
-        is_straight = _FORWARD[0] <= np.hypot(*motion[:2]) <= _FORWARD[1] and abs(motion[2]) < 0.2
-        if is_straight and is_new.any():
-            break
+        if (after["view.ids"] >= len(before["surfaces"])).any():
+            steps.append((reading, before, after))
+    reading, before, after = min(steps, key=lambda step: _unlike_the_papers(step[0].motion))
+    motion, is_new = reading.motion, after["view.ids"] >= len(before["surfaces"])
     figure = Figure(figsize=(16, 14), layout="constrained")
     (one, two), (three, four) = figure.subplots(2, 2)
     _draw_numbered(one, first, [str(k) for k in range(len(first))], SURFACE, "map")
@@ -257,6 +260,11 @@ def _picture_of_steps(wandering: Wandering) -> Figure:
     _draw_space(four, reading, after["view.surfaces"])
     finish_maps(figure)
     return figure
+
+
+def _unlike_the_papers(motion: Pose) -> float:
+    """Return how far a move is from that of the paper's pictures (m, rad)."""
+    return abs(float(np.hypot(*motion[:2])) - _FORWARD) + abs(float(motion[2]))
 
 
 def _draw_space(axes: Axes, reading: Reading, surfaces: Segments) -> None:
