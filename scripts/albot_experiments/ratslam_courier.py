@@ -226,7 +226,7 @@ def _cause(robot: Robot, heading: Heading, away: float) -> Cause | None:
 
 
 def wander(robot: Robot, goal: Goal, seconds: float, rng: np.random.Generator) -> Delivery:
-    """Drive to random points for some time, or until the robot is at the goal, whether it knows."""
+    """Drive to random points for some time, or until the robot is at the goal, known or not."""
     driver, begun = Navigator(), len(robot.truth)
     driver.reset(rng)
     start, aim, left = robot.odometry[-1], np.zeros(2), 0
