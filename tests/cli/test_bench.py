@@ -112,10 +112,11 @@ def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None
     assert correction["passes_per_second"] > 0
     lines = as_text(figures).splitlines()[1:]
     assert "readings/s  ratslam-scenes" in lines[0]
-    assert "readings/s  ratslam:" in lines[1]
-    assert "robot steps/s of a processor  ratslam-scenes: 64 environments" in lines[2]
-    assert "robot steps/s of a processor  ratslam: 64 environments" in lines[3]
-    assert "passes/s of 12,881 experiences, 14,485 transitions" in lines[4]
+    assert "readings/s  ratslam-paper" in lines[1]
+    assert "readings/s  ratslam:" in lines[2]
+    assert "robot steps/s of a processor  ratslam-scenes: 64 environments" in lines[3]
+    assert "robot steps/s of a processor  ratslam: 64 environments" in lines[4]
+    assert "passes/s of 12,881 experiences, 14,485 transitions" in lines[5]
 
 
 def test_a_missing_learner_is_a_line() -> None:
