@@ -13,6 +13,7 @@ from albot_agents.scripted.exploring import (
     GapExplorerAgent,
     NearestFrontier,
     RandomAgent,
+    RatSlamExplorer,
     RoundTripAgent,
 )
 from albot_agents.scripted.homing import (
@@ -179,6 +180,12 @@ AGENTS = {
         make=lambda _: RandomAgent(),
         mapper="none",
         tasks=(EXPLORE, HOMING, BY_MAP, ROUND_TRIP, PLACES),
+    ),
+    RatSlamExplorer.name: AgentEntry(
+        summary="Explores by taking each route that it sees, in narrow places in both directions.",
+        make=RatSlamExplorer,
+        tasks=(EXPLORE,),
+        mapper="ratslam",
     ),
     RatSlamHoming.name: AgentEntry(
         summary="Drives home by the quickest route over RatSLAM's experience map.",

@@ -21,7 +21,7 @@ AGENTS = (
     "albot0-homing", "albot1-homing", "association-explorer", "association-homing", "exploring",
     "gap-explorer", "homing", "homing-blind", "homing-mapless", "map-homing", "nearest-frontier",
     "oracle", "patch-homing", "path-integration", "place-judge", "place-recognition", "random",
-    "ratslam-homing", "round-trip",
+    "ratslam-explorer", "ratslam-homing", "round-trip",
 )  # fmt: skip
 ODOMETERS = (
     "ideal", "pioneer", "poor", "carpet", "stage", "albot1-disturbed", "bias-1.5", "bias-3",

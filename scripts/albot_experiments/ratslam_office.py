@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from albot_experiments.mapping import median_and_worst
-from albot_experiments.ratslam_runs import CORRECTED, Run, follow
+from albot_experiments.ratslam_runs import CORRECTED, LETTER, Run, follow
 from albot_experiments.ratslam_wandering import (
     SPEED,
     Wandering,
@@ -49,26 +49,37 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    runs, errors = [], []
+    runs, letter, errors = [], [], []
     for seed in each_seed(seeds, progress):
         journey = OFFICE.journey(seed, OFFICE.minutes)
         runs.append(follow(journey.readings, journey.truth, CORRECTED))
+        letter.append(follow(journey.readings, journey.truth, LETTER))
         errors.append(follow(journey.readings, journey.truth, POSITION_OR_HEADING).error)
-    return report(seeds, runs, errors)
+    return report(seeds, runs, errors, letter)
 
 
-def report(seeds: range, runs: Sequence[Run], either: Sequence[float] = ()) -> Report:
-    """Return the report of these runs, and of the errors with `POSITION_OR_HEADING`."""
+def report(
+    seeds: range,
+    runs: Sequence[Run],
+    either: Sequence[float] = (),
+    letter: Sequence[Run] = (),
+) -> Report:
+    """Return the report of these runs, of the errors with `POSITION_OR_HEADING`, and of LETTER."""
     measured: dict[str, Figures] = figures(runs)
     if either:
         measured["position_or_heading_error_m"] = median_and_worst(either)
     overlap = overlaps(runs)
+    verdicts = {"ratslam-scenes": overlap}
+    if letter:
+        measured["ratslam-paper"] = figures(letter)
+        verdicts = {"ratslam-paper": overlaps(letter)} | verdicts
     return Report(
         id=ID,
         title=TITLE,
         paper=PAPER,
         measured={"multiple_overlap": overlap} | measured | seeds_within(seeds, runs),
         holds=overlap,
+        verdicts=verdicts if letter else {},
         conditions=CONDITIONS,
         text=_TEXT + text(),
         pictures={"maps": picture(runs[0], OFFICE.world, (11.0, 5.0))},
@@ -82,5 +93,6 @@ waypoints to another at random. The paper's robot was a real one with a camera; 
 simulator's, with scenes in place of pictures.
 
 `position_or_heading_error_m` is the error where an experience is active in its zone in (x', y') or
-in that in θ', as eq. (9) says to the letter, and not in both.
+in that in θ', as eq. (9) says to the letter, and not in both. `ratslam-paper` follows the whole
+paper to the letter; all other figures are those of `ratslam-scenes`.
 """

@@ -36,6 +36,27 @@ SCALE, TURN, WANDER = 0.1, 0.1, np.radians((1.0, 0.5))
 """Disturbed odometers: distances and turns are too long or too short by up to these shares;
 headings drift by up to this much (rad/m), with this much noise per motion (rad, standard
 deviation)."""
+CONDITIONS = {
+    "environment": (
+        "an open plan office of 80 m²: desks, chairs, fridges, doors",
+        "Intel Research Lab, ACES in Austin, Freiburg building 101, Wean Hall (two logs)",
+    ),
+    "duration": ("15 min", "the whole logs, 209 to 501 m where the path is known"),
+    "speed": ("not given", "that of the logs"),
+    "way": (
+        "an exploration algorithm that tries every possible route",
+        "that of the logs",
+    ),
+    "sensors": (
+        "a camera of 50° and wheel encoders on a Pioneer 2DXE, 7 Hz",
+        "a laser of 180° and wheel encoders; the logs hold no pictures",
+    ),
+    "errors": (
+        "those of the real robot",
+        "those of the real robots; then odometers disturbed in scale, turn and bias",
+    ),
+    "trials": ("one run shown", "one run a log, and one a seed and log with disturbed odometers"),
+}
 _DRAWN = 12_000
 """Largest number of points of a map in the picture."""
 
@@ -170,6 +191,7 @@ def _report(seeds: range, runs: list[Run]) -> Report:
         paper=PAPER,
         measured=measured,
         holds=is_friendly and all(reached.values()),
+        conditions=CONDITIONS,
         text=_text(seeds),
         pictures={"maps": _picture(runs)},
     )

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 CORRECTED = RatSlamConfig.scenes()
 """Config of the mapper that sees scenes."""
+LETTER = RatSlamConfig.paper()
+"""Config of the mapper that follows the paper to the letter, `ratslam-paper`."""
 UNCORRECTED = replace(CORRECTED, correction=CorrectionConfig(passes=0))
 """The same config without map correction."""
 SAME_PLACE = 2.0

@@ -13,13 +13,7 @@ from albot_core.planning.leading import Driving
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
 from albot_experiments.mapping import median_and_worst
-from albot_experiments.ratslam_runs import (
-    CORRECTED,
-    Run,
-    draw_experiences,
-    draw_pose_cells,
-    follow,
-)
+from albot_experiments.ratslam_runs import Run, draw_experiences, draw_pose_cells
 from albot_experiments.report import Figures
 from albot_experiments.tours import TourRecord, driven_tour
 from albot_maps import load_world
@@ -51,11 +45,6 @@ class Wandering:
     tour: str
     """The tour with which it begins."""
     minutes: int
-
-    def run(self, seed: int) -> Run:
-        """Simulate the robot, and run the mapper on its readings."""
-        journey = self.journey(seed, self.minutes)
-        return follow(journey.readings, journey.truth, CORRECTED)
 
     def journey(self, seed: int, minutes: int) -> TourRecord:
         """Return the robot's readings and true poses over `minutes` minutes.

@@ -182,6 +182,12 @@ EXPERIMENTS = {
             module="albot_experiments.ratslam_office",
         ),
         Experiment(
+            id="ratslam-deliveries",
+            title="RatSLAM delivers in an office (Wyeth and Milford 2009, in Hossain 2014)",
+            seeds=20,
+            module="albot_experiments.ratslam_deliveries",
+        ),
+        Experiment(
             id="association-1",
             title="Landmark association keeps the shape of the floor (Yeap et al. 2015)",
             seeds=20,

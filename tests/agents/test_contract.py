@@ -109,6 +109,7 @@ def test_the_agents_are_these() -> None:
         "patch-homing",
         "place-judge",
         "random",
+        "ratslam-explorer",
         "ratslam-homing",
         "round-trip",
     )
@@ -165,7 +166,8 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
         (
             "oracle",
             "Albot/Explore-v0",
-            "association-explorer, gap-explorer, nearest-frontier, random, exploring",
+            "association-explorer, gap-explorer, nearest-frontier, random, ratslam-explorer, "
+            "exploring",
         ),
     ],
 )

@@ -14,6 +14,7 @@ from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.minimal_space_explorer import MinimalSpaceConfig, MinimalSpaceExplorer
+from albot_core.planning.route_explorer import RouteExplorer, RouteExplorerConfig
 from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HOME, TIME_LEFT
 
 
@@ -76,6 +77,27 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
     def __init__(self, configs: EnvironmentConfigs) -> None:
         driver = FrontierExplorer(configs.observations.coverage.radius, steering_for(configs))
         super().__init__(configs, driver)
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
+        """Return the next action."""
+        return self._drive(self._driver.command(self._decode(observation)), observation)
+
+
+class RatSlamExplorer(DrivingAgent[RouteExplorer]):
+    """Explores by taking each route that it sees, in narrow places in both directions.
+
+    The robot of Milford, Prasser and Wyeth 2005 attempts to learn all the possible routes, and is
+    to turn round in long narrow environments (sections 6 and 7); how is ours (`RouteExplorer`).
+
+    Args:
+        configs: The environment's configurations of observations and actions.
+    """
+
+    name: ClassVar[str] = "ratslam-explorer"
+
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        config = RouteExplorerConfig(steering=steering_for(configs))
+        super().__init__(configs, RouteExplorer(config))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""

@@ -60,7 +60,7 @@ def write_graphml(graph: PlaceGraph, path: Path) -> None:
     between two places; one that is known in both directions appears once. An edge has the motion
     `dx`, `dy` (m), `dtheta` (rad) from the frame of the place `of` to that of the other place, and
     the `line` of its doorway if it has one (x1 y1 x2 y2 in the map's frame, m), with `of` on its
-    left.
+    left, and the shortest `time` in which it was driven if that is known (s).
     """
     made, exits = _Document(), Counter(edge.source for edge in graph.edges)
     made.describe(made.graph, {"frame": _FRAME})
@@ -79,6 +79,10 @@ def write_graphml(graph: PlaceGraph, path: Path) -> None:
         data = {"of": edge.source, "dx": dx, "dy": dy, "dtheta": dtheta}
         if line is not None:
             data["line"] = _as_text(line)
+        back = edge if edge.reverse is None else graph.edges[edge.reverse]
+        times = [time for time in (edge.time, back.time) if time is not None]
+        if times:
+            data["time"] = round(min(times), _DIGITS)
         made.add("edge", data, id=str(number), source=str(edge.source), target=str(edge.target))
     with atomic_write(path) as stream:
         stream.write(made.encoded())

@@ -192,8 +192,19 @@ MAPPERS: dict[str, MapperSpec] = {
             config="albot_core.mappers.ratslam.config:RatSlamConfig",
         ),
         MapperSpec(
+            name="ratslam-paper",
+            summary="RatSLAM to the letter, by numbers of scenes: each match counts at once.",
+            paper=_MILFORD,
+            # The paper's views are a camera's; a laser it does not cover.
+            sensors=frozenset({"scene"}),
+            layers=("place_graph", "trajectory"),
+            has_matches=True,
+            factory="albot_core.mappers.ratslam.mapper:RatSlam",
+            config="albot_core.mappers.ratslam.config:RatSlamConfig.paper",
+        ),
+        MapperSpec(
             name="ratslam-scenes",
-            summary="The same with the numbers of visual scenes, as in the paper's simulator.",
+            summary="`ratslam` with the numbers of visual scenes, as in the paper's simulator.",
             paper=_MILFORD,
             sensors=frozenset({"scene"}),
             layers=("place_graph", "trajectory"),

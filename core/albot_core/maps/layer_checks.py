@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -100,6 +101,8 @@ def _edge_faults(name: str, edge: PlaceEdge, places: set[int]) -> Iterator[Layer
         yield from _not_numbers(f"{name}.doorway", edge.doorway, (4,))
     if edge.information is not None:
         yield from _not_numbers(f"{name}.information", edge.information, (3, 3))
+    if edge.time is not None and not 0.0 <= edge.time < math.inf:
+        yield LayerFault(f"{name}.time", "a time from 0 (s), or None", edge.time)
 
 
 def _not_numbers(place: str, array: object, shape: _Shape) -> Iterator[LayerFault]:

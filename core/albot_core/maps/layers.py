@@ -119,6 +119,9 @@ class PlaceEdge:
     """Information matrix of `motion`: the inverse of its covariance, along the axes of the target's
     frame (1/m², 1/rad²). Only ratios matter where a mapper knows no more. None if unknown.
     Recordings do not keep it."""
+    time: float | None = None
+    """Shortest time in which the robot has driven it (s); None if unknown. Recordings do not keep
+    it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import write_graphml
 from albot_core.export.picture import Panel, draw_layer, map_figure
 from albot_core.mappers.albot1.places.network_view import Exit, Network, Place
-from albot_core.maps.layers import MapSnapshot, PlaceGraph, PlaceNode, SegmentsLayer
+from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
 
 
 def exit_at(x: float, leads_to: int, exit_there: int) -> Exit:
@@ -35,6 +35,21 @@ def network() -> PlaceGraph:
     second = place(2, (10, 0, np.pi / 2), exit_at(1, 0, 0), exit_at(3, 0, 1), exit_at(5, 3, 0))
     third = place(3, (20, 0, 0), exit_at(0, 2, 2))
     return Network(places=(first, second, third), current=2, home=0).place_graph
+
+
+def test_a_transition_known_in_both_directions_has_its_shorter_time(tmp_path):
+    nodes = tuple(
+        PlaceNode(id=k, label=f"E{k}", pose=np.zeros(3), middle=np.zeros(2)) for k in range(3)
+    )
+    ways = ((0, 1, 1, 4.0), (1, 0, 0, 2.5), (1, 2, None, None))
+    edges = tuple(
+        PlaceEdge(source=one, target=other, motion=np.zeros(3), reverse=reverse, time=time)
+        for one, other, reverse, time in ways
+    )
+    write_graphml(PlaceGraph(nodes=nodes, edges=edges), tmp_path / "a.graphml")
+    graph = nx.read_graphml(tmp_path / "a.graphml", node_type=int)
+    assert graph.edges[0, 1]["time"] == 2.5
+    assert "time" not in graph.edges[1, 2]
 
 
 def test_the_graph_has_places_and_exits(network, tmp_path):

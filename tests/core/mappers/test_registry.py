@@ -43,6 +43,7 @@ OURS = (
     "karto",
     "odometry",
     "ratslam",
+    "ratslam-paper",
     "ratslam-scenes",
     "scan-matching",
 )

@@ -37,6 +37,7 @@ def edge(**changed: Any) -> PlaceEdge:
         doorway=np.zeros(4),
         reverse=0,
         information=np.eye(3),
+        time=1.5,
     )
     return changed_to(right, changed)
 
@@ -96,6 +97,8 @@ def test_a_right_layer_has_no_fault(layer: Layer) -> None:
         (graph(edges=(edge(motion=np.full(3, NAN)),)), "edges[0].motion"),
         (graph(edges=(edge(doorway=np.zeros(2)),)), "edges[0].doorway"),
         (graph(edges=(edge(information=np.eye(2)),)), "edges[0].information"),
+        (graph(edges=(edge(time=-1.0),)), "edges[0].time"),
+        (graph(edges=(edge(time=NAN),)), "edges[0].time"),
         (graph(edges=(edge(reverse=1),)), "edges[0].reverse"),
     ],
 )

@@ -54,7 +54,7 @@ def test_every_mapper_gives_its_channels_alone_as_in_a_batch(two_rooms: World, m
     if mapper not in ("none", *installed_mappers()):
         pytest.skip(f"{mapper} needs an extra that is not installed")
     settings = {"mapper": mapper, "config": config_for(mapper), "observation": "dict"}
-    scenes = {"scenes": "paper"} if mapper == "ratslam-scenes" else {}
+    scenes = {"scenes": "paper"} if mapper in ("ratslam-paper", "ratslam-scenes") else {}
     env = ExploreEnv(two_rooms, **settings, **scenes)
     batch = ExploreVectorEnv(2, two_rooms, threads=2, **settings, **scenes)
     seen = drive(env, 40)

@@ -101,7 +101,7 @@ def test_branches_of_an_episode_are_the_same(environment: str, seed: int) -> Non
 @pytest.mark.parametrize("mapper", ["none", *installed_mappers()])
 def test_they_are_so_with_every_mapper(mapper: str) -> None:
     """In homing, where the way home is observed too."""
-    scenes = {"scenes": "ambiguous"} if mapper == "ratslam-scenes" else {}
+    scenes = {"scenes": "ambiguous"} if mapper in ("ratslam-paper", "ratslam-scenes") else {}
     _check_branches("Albot/Homing-v0", 4, steps=10, mapper=mapper, **scenes)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args, get_type_hints
 
 from albot_core.errors import InputError
 from albot_core.ranges import (
@@ -21,7 +21,6 @@ from albot_core.ranges import (
 _SIDE = Range("a whole number from 16", 16.0, 4096.0, whole=True)
 _BINS = Range("a whole number from 8 to 180", 8.0, 180.0, whole=True)
 _AT_LEAST_ONE = Range("a number from 1", 1.0)
-_DECAY = Range("a number within [0, 1)", 0.0, math.nextafter(1.0, 0.0))
 _RATE = Range("a number within (0, 1)", 0.0, math.nextafter(1.0, 0.0), beyond=True)
 _ANGLE = Range("an angle within (0, pi]", 0.0, math.pi, beyond=True)
 
@@ -74,28 +73,34 @@ class LocalViewConfig:
     """Scenes, and the links from views to pose cells (section 3.4). All values are ours."""
 
     confirmations: int = 2
-    """Number of readings in a row that must show a scene before it is believed."""
+    """Number of readings in a row that must show a scene before it is believed. 1: at once, as in
+    the paper."""
     forget_after: int = 30
     """Number of readings in a row without the believed scene after which it is forgotten."""
     injection: float = 0.04
     """Activity that a fresh view injects in each iteration, as a share of all activity."""
     fatigue: float = 0.9
-    """Share of a view's freshness that is left after an iteration in which it is seen."""
+    """Share of a view's freshness that is left after an iteration in which it is seen. 1: a view
+    injects as much for as long as it is seen, as in the paper."""
     recovery: float = 0.05
     """Freshness that a view regains in each iteration in which it is not seen."""
     learning_rate: float = 1.0
     """λ: strength of a new link, as a factor of view activity times pose cell activity."""
     learning_delay: float = 5.0
-    """Distance that the robot must drive without a re-localisation before a link is learned (m)."""
+    """Distance that the robot must drive without a re-localisation before a link is learned (m). 0:
+    none, as in the paper."""
     linked_share: float = 0.5
     """Pose cells with at least this share of the highest activity are linked to a view."""
+    links_in_sight: bool = False
+    """Whether a scene is linked in every iteration in which it is seen, and injects at its linked
+    cells, as the paper says: views and cells that are active together are linked. If not, it is
+    linked where it comes into sight, and what it injects moves on with the robot."""
 
     def __post_init__(self) -> None:
         check_fields(self, FROM_ONE, "confirmations", "forget_after")
         check_fields(self, POSITIVE, "learning_rate")
         check_fields(self, NOT_NEGATIVE, "injection", "learning_delay")
-        check_fields(self, _DECAY, "fatigue")
-        check_fields(self, SHARE, "recovery", "linked_share")
+        check_fields(self, SHARE, "fatigue", "recovery", "linked_share")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +134,10 @@ class PanoramaConfig:
     m). `max_deviation_share` of the motion is added."""
     max_deviation_share: float = 0.25
     """Share of the motion since the last scan that is added to `max_deviation`."""
+    doubtful: float = 0.1
+    """Mean share of the directions that disagree after the alignments along a way, from which the
+    robot is as unsure of that way as `drift` and `turn_drift` say; it is surer in proportion where
+    fewer disagree."""
     new_place_weight: float = 0.02
     """Weight of the case that the robot is where no view was learned; a perfect match at the
     expected pose has weight 1. The larger it is, the longer it takes until views that match poorly,
@@ -136,11 +145,13 @@ class PanoramaConfig:
     spread: float = 0.5
     """Standard deviation of the believed position in a view that was just seen (m)."""
     drift: float = 0.05
-    """Growth of `spread` with the distance driven since the view was last seen (m/m)."""
+    """Growth of `spread` with the distance driven since the view was last seen (m/m), where
+    alignments are doubtful."""
     turn_spread: float = 0.15
     """Standard deviation of the believed heading in a view that was just seen (rad)."""
     turn_drift: float = 0.01
-    """Growth of `turn_spread` with the distance driven since the view was last seen (rad/m)."""
+    """Growth of `turn_spread` with the distance driven since the view was last seen (rad/m), where
+    alignments are doubtful."""
 
     def __post_init__(self) -> None:
         check_fields(
@@ -149,6 +160,7 @@ class PanoramaConfig:
             "max_range",
             "path_length",
             "max_distance",
+            "doubtful",
             "new_place_weight",
             "spread",
             "turn_spread",
@@ -199,6 +211,10 @@ class ExperienceConfig:
     """Smallest weight of the view against map and odometer, when it gives the robot's pose in a
     known experience that it enters. A scene gives that pose only to 1 m and 45°. The weight is 1 at
     a re-localisation, then 1/2, 1/3 and so on. 1: only the view is believed."""
+    at_experiences: bool = False
+    """Whether a robot with a camera that enters a known experience is taken to be at it, so that
+    transitions begin and end at experiences, as in section 4.2. If not, the pose cells say where in
+    its zone the robot is."""
     spacing: float = 0.6
     """Smallest distance from the last experience at which a robot with a laser makes a new one
     while it still sees the last (m)."""
@@ -218,11 +234,13 @@ class ExperienceConfig:
 class CorrectionConfig:
     """The correction of the experience map (sections 4.3 and 4.4)."""
 
-    form: Literal["link_by_link", "all_at_once"] = "link_by_link"
+    form: Literal["link_by_link", "all_at_once", "all_at_once_limited"] = "link_by_link"
     """`link_by_link`: each link moves its two experiences, equally and oppositely, before the next
     link is processed; stable for every rate below 1. `all_at_once`: eq. (12) to (14) as the paper
     writes them, for all experiences from the same poses. This diverges unless the rate is below 2 /
-    the largest eigenvalue of the graph's Laplacian, so it fails at junctions."""
+    the largest eigenvalue of the graph's Laplacian, so it fails at junctions.
+    `all_at_once_limited`: the same, but the rate of an experience with n links is at most 1 / n, so
+    that none moves beyond the mean of where its links put it."""
     rate: float = 0.5
     """α for positions and headings, as in the paper (table 1)."""
     recognised: float = 0.1
@@ -237,8 +255,8 @@ class CorrectionConfig:
         check_fields(self, _RATE, "rate")
         check_fields(self, POSITIVE, "recognised")
         check_fields(self, COUNT, "passes")
-        if self.form not in ("link_by_link", "all_at_once"):
-            expected = "link_by_link or all_at_once"
+        if self.form not in (forms := get_args(get_type_hints(CorrectionConfig)["form"])):
+            expected = f"one of {', '.join(forms)}"
             raise InputError("CorrectionConfig.form", expected, repr(self.form))
 
 
@@ -286,4 +304,34 @@ class RatSlamConfig:
             ),
             experiences=ExperienceConfig(),
             correction=CorrectionConfig(),
+        )
+
+    @classmethod
+    def paper(cls) -> RatSlamConfig:
+        """Return the parameters by which a robot with a camera follows the paper to the letter.
+
+        What is linked, injected, made and corrected is as its text and equations say. The values
+        that it does not give are those of `scenes`, but for the injection, which does not tire.
+
+        The one departure is the limited rate: with α = 0.5 eq. (12) to (14) diverge at junctions of
+        four transitions.
+        """
+        return cls(
+            sees="scenes",
+            pose_cells=PoseCellConfig(),
+            views=LocalViewConfig(
+                confirmations=1,
+                injection=0.15,
+                fatigue=1.0,
+                learning_delay=0.0,
+                links_in_sight=True,
+            ),
+            experiences=ExperienceConfig(
+                position_or_heading=True,
+                visits=1,
+                confirmations=0,
+                smoothing=1.0,
+                at_experiences=True,
+            ),
+            correction=CorrectionConfig(form="all_at_once_limited", recognised=1.0, passes=1),
         )

@@ -70,16 +70,23 @@ def correct_link_by_link(
 
 @kernel()
 def correct_all_at_once(
-    poses: np.ndarray, links: Links, count: int, rate: float, changes: np.ndarray
+    poses: np.ndarray,
+    links: Links,
+    count: int,
+    rate: float,
+    changes: np.ndarray,
+    limited: bool,
 ) -> None:
     """Run one pass of eq. (12) to (14) as written: all experiences from the same poses.
 
     The last term of eq. (14) is read as -y_i, as in (12) and (13); -y_k is a misprint. `changes`
-    (experiences, 3) is a scratch array.
+    (experiences, 4) is a scratch array.
 
     This is a step of gradient descent. It diverges unless the rate is below 2 / λ, where λ is the
     largest eigenvalue of the graph's Laplacian. λ is at least one more than the number of links at
-    any experience: with α = 0.5 and four links at an experience the step diverges.
+    any experience: with α = 0.5 and four links at an experience the step diverges. If `limited`,
+    the rate of an experience is at most 1 / its number of links (a Jacobi step): then no step
+    diverges, because all eigenvalues of that iteration are within [-1, 1]. This is our addition.
     """
     sources, targets, motions = links
     changes[:] = 0.0
@@ -92,6 +99,9 @@ def correct_all_at_once(
         changes[i, 0] += x  # The sums over links from the experience.
         changes[i, 1] += y
         changes[i, 2] += heading
+        changes[i, 3] += 1.0
+        changes[j, 3] += 1.0
     for i in range(1, poses.shape[0]):
+        share = min(rate, 1.0 / max(changes[i, 3], 1.0)) if limited else rate
         for axis in range(3):
-            poses[i, axis] += rate * changes[i, axis]
+            poses[i, axis] += share * changes[i, axis]

@@ -58,6 +58,7 @@ class ExperienceMap(Stored):
             Field("turn"),  # The robot's heading seen from the view (rad).
             Field("reading", "", int),  # The reading at which it was made.
             Field("way"),  # Distance driven when the robot was last there (m).
+            Field("doubt", least=0),  # The robot's doubt then, see `Position.doubt` (m).
             # The previous experience with this view, -1 for none.
             Field("same_view", "", int, least=-1, below="row"),
             # The transition by which it was first reached.
@@ -224,8 +225,14 @@ class ExperienceMap(Stored):
                     self.poses, arrays, links.count, config.rate, links["stiffness"]
                 )
             else:
-                changes = np.empty_like(self.poses)
-                correct_all_at_once(self.poses, arrays, links.count, config.rate, changes)
+                correct_all_at_once(
+                    self.poses,
+                    arrays,
+                    links.count,
+                    config.rate,
+                    np.empty((self.count, 4)),
+                    config.form == "all_at_once_limited",
+                )
         if not config.passes or not has_moved(self.poses, self.experiences.rows("shown"), _MOVED):
             return False
         self.experiences.rows("shown")[:] = self.poses

@@ -40,6 +40,7 @@ def map_layers(
     motions[:, 2] = wrap_angle(motions[:, 2])
     # The correction gives each transition this share of its rate, in all directions alike.
     shares = links.rows("stiffness").tolist()
+    times = links.rows("time").tolist()
     edges = tuple(
         PlaceEdge(
             source=one,
@@ -47,8 +48,9 @@ def map_layers(
             motion=motion,
             reverse=number.get((other, one)),
             information=share * np.eye(3),
+            time=time,
         )
-        for (one, other), motion, share in zip(ends, motions, shares, strict=True)
+        for (one, other), motion, share, time in zip(ends, motions, shares, times, strict=True)
     )
     graph = PlaceGraph(nodes=nodes, edges=edges, current=current, home=0)
     return MapSnapshot(layers=(graph, TrajectoryLayer(poses=poses[visits])))

@@ -210,7 +210,8 @@ class Links(Stored):
         seen_from = before((0.0, 0.0, 0.0), offset)
         linked, activity = cells.top(self._config.linked_share, seen_from)
         peak = int(linked[np.argmax(activity)])
-        if self.leads_near(view, peak, cells.shape):  # Only its own links grow.
+        is_known = self.leads_near(view, peak, cells.shape)
+        if is_known and not self._config.links_in_sight:  # Only its own links grow.
             is_own = np.isin(linked, self._links["cell"][self._links_of(view)])
             linked, activity = linked[is_own], activity[is_own]
         self.remember(view, linked, active * activity, way)
@@ -235,7 +236,8 @@ class Links(Stored):
         Links wait until the robot has driven on without being re-localised. If it is re-localised,
         its pose was wrong, and the links would lead to a place where it was not.
         """
-        ripe = int(np.searchsorted(self._waiting_numbers[:, 1], way - self._config.learning_delay))
+        ripest = way - self._config.learning_delay
+        ripe = int(np.searchsorted(self._waiting_numbers[:, 1], ripest, side="right"))
         if not ripe:
             return
         links = self._links

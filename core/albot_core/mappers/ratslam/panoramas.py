@@ -101,7 +101,7 @@ class Panoramas(Stored):
 
     def look(
         self, laser: LaserScan, motion: Motion, view: int, offset: Motion
-    ) -> tuple[Motion, Motion]:
+    ) -> tuple[Motion, Motion, float]:
         """Process a scan, and make the present panorama.
 
         The scan is aligned with the last panorama, and then with the view that the robot is in. So
@@ -115,17 +115,19 @@ class Panoramas(Stored):
             offset: The robot's pose in that view's frame before this motion.
 
         Returns:
-            The robot's motion, and its pose in the view's frame.
+            The robot's motion, its pose in the view's frame, and the match score of the better
+            alignment; 0 if the motion is the odometer's alone.
         """
         self._previous, self._surface = self._surface, self._previous
         self._take(laser, motion)
+        score = 0.0
         if view >= 0 and self._scans.count > 1:
             self._fill(self._scans.count - 1)
-            moved = self._align_scan(motion, view, offset)
+            moved, score = self._align_scan(motion, view, offset)
             self._amend(motion, moved)
             motion = moved
         self._complete()
-        return motion, after(offset, motion)
+        return motion, after(offset, motion), score
 
     def _take(self, laser: LaserScan, motion: Motion) -> None:
         """Keep a scan, and drop those too far back or too near each other."""
@@ -172,23 +174,26 @@ class Panoramas(Stored):
         fill_normals(*self._surface)
         fill_profile(self._seen, self._config.max_range, _FINEST, self._profile, self._known)
 
-    def _align_scan(self, motion: Motion, view: int, offset: Motion) -> Motion:
+    def _align_scan(self, motion: Motion, view: int, offset: Motion) -> tuple[Motion, float]:
         """Return the motion, first aligned with the last panorama, then with the view.
 
-        The odometer's motion is the first guess.
+        The odometer's motion is the first guess. The second value is the better match score of the
+        alignments that are accepted, 0 if none is.
         """
         config = self._config
         step = math.hypot(motion[0], motion[1]) + abs(motion[2])
-        guess = motion
+        guess, best = motion, 0.0
         pose, score = _match(self._surface, self._previous, motion)
         near = _near(guess, pose, config.max_deviation + config.max_deviation_share * step)
         if near is not None and score >= config.min_score:
-            guess, slip = near, config.max_deviation / 2
+            guess, slip, best = near, config.max_deviation / 2, score
         else:
             slip = config.max_deviation + config.max_deviation_share * step
         pose, score = _match(self._surface, self._template(view), after(offset, guess))
         near = _near(guess, beyond(offset, pose), slip)
-        return near if near is not None and score >= config.min_alignment_score else guess
+        if near is not None and score >= config.min_alignment_score:
+            guess, best = near, max(best, score)
+        return guess, best
 
     def _amend(self, motion: Motion, moved: Motion) -> None:
         """Correct the last scan's pose: the robot moved by `moved` instead of `motion`."""

@@ -50,6 +50,7 @@ class Position(Stored):
             Field("stamp", at="stamp"),
             Field("left_at"),
             Field("way", at="way"),
+            Field("doubt", at="doubt", least=0),
             Field("variance"),
             Field("weight"),
             Field("since", "3", at="since"),
@@ -85,6 +86,8 @@ class Position(Stored):
         self.stamp = self._left_at = 0.0
         self.way = 0.0
         """Distance driven (m)."""
+        self.doubt = 0.0
+        """The same, each motion times the share of directions that disagree after its alignment."""
         self.since: Motion = (0.0, 0.0, 0.0)
         """The robot's motion since the last iteration."""
         self.here: Motion = (0.0, 0.0, 0.0)
@@ -172,11 +175,16 @@ class Position(Stored):
                 self._connect(each)
         if not is_new:
             self._verification.enter(experience, offset)
-        table["way"][experience] = self.way
+        self.mark(experience)
         self.place, self.here, self._variance = experience, offset, variance
         self._left_at, self._left_in = self.stamp, self.iteration
         self.visits.append(place=experience)
         self.version += 1
+
+    def mark(self, experience: int) -> None:
+        """Note that the robot is in an experience."""
+        table = self.map.experiences
+        table["way"][experience], table["doubt"][experience] = self.way, self.doubt
 
     @property
     def recognised(self) -> list[int]:

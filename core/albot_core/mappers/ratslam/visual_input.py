@@ -87,11 +87,12 @@ class SceneInput(Stored):
         if position.view == NO_VIEW:
             return np.zeros((0, 3)), np.zeros(0)
         active = links.activate(position.view, position.iteration)
-        if is_new:
-            if self._is_elsewhere():
-                self._tentative.see(position.view, cells.packet)
-            if not self._is_unconfirmed():
-                links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
+        is_linked_here = is_new or self._config.views.links_in_sight
+        if is_new and self._is_elsewhere():
+            self._tentative.see(position.view, cells.packet)
+        if is_linked_here and not self._is_unconfirmed():
+            links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
+        if is_linked_here:
             self._since_onset = (0.0, 0.0, 0.0)
         linked, amounts = links.injection(position.view, active)
         # Links lead to where the view came into sight, and the robot has moved on since. The
@@ -128,6 +129,8 @@ class SceneInput(Stored):
         # Without a view, experiences that share pose cells cannot be told apart.
         elif found < 0 or view == NO_VIEW:
             position.enter(position.add(view, packet), (0.0, 0.0, 0.0), is_new=True)
+        elif self._config.experiences.at_experiences:
+            position.enter(found, (0.0, 0.0, 0.0), is_new=False)
         else:
             # The pose cells give the robot's pose in it. But a view draws the packet sideways onto
             # the line on which it was learned. So across the view, when it comes into sight, the
@@ -206,9 +209,10 @@ class LaserInput(Stored):
         position, panoramas = self._position, self._panoramas
         assert self._scan is not None, "an iteration follows a look"
         start = before(position.here, position.since)
-        position.since, position.here = panoramas.look(
+        position.since, position.here, score = panoramas.look(
             self._scan, position.since, position.place, start
         )
+        position.doubt += (1.0 - score) * math.hypot(*position.since[:2])
         if position.place < 0:
             return ()
         poses, believed = position.map.poses, position.believed
@@ -221,9 +225,15 @@ class LaserInput(Stored):
         return panoramas.matched_views(expected, self._links.linked(position.map.count))
 
     def _plausible(self, seen: ViewMatch) -> float:
-        """Return how plausible the odometer's error is if a match is right, from 0 to 1."""
+        """Return how plausible the robot's error is if a match is right, from 0 to 1.
+
+        The error grows with the way since the view was last seen, and the less, the better the
+        scans along that way were aligned.
+        """
         config, position = self._config.panoramas, self._position
-        way = position.way - float(position.map.experiences["way"][seen.view])
+        table = position.map.experiences
+        way = position.way - float(table["way"][seen.view])
+        way = min(way, (position.doubt - float(table["doubt"][seen.view])) / config.doubtful)
         pose = compose(position.map.poses[seen.view], np.array(seen.offset))
         x, y, turn = relative(position.believed, pose).tolist()
         spread, turn_spread = (
@@ -265,7 +275,7 @@ class LaserInput(Stored):
         position.active = [view for _, view, _ in energies]
         position.scores = [min(score, 1.0) for _, _, score in energies]
         if active == place and active >= 0:
-            table["way"][active] = position.way
+            position.mark(active)
             return
         is_new = active < 0
         if is_new:

@@ -20,7 +20,9 @@ def correct(poses, links, passes, form="link_by_link", rate=PAPER):
             ones = np.ones(len(sources))
             correct_link_by_link(poses, arrays, len(sources), rate, ones)
         else:
-            correct_all_at_once(poses, arrays, len(sources), rate, np.zeros_like(poses))
+            is_limited = form == "all_at_once_limited"
+            changes = np.zeros((len(poses), 4))
+            correct_all_at_once(poses, arrays, len(sources), rate, changes, is_limited)
 
 
 def unwrapped(one, other):

@@ -104,6 +104,37 @@ def test_the_quickest_ways_are_dijkstras():
     np.testing.assert_allclose(world.experiences.rows("time"), dijkstra(graph, indices=0))
 
 
+def two_routes() -> ExperienceMap:
+    """A short route over experience 1, of 2 m in 20 s, and a long one over 2, of 8 m in 8 s."""
+    world = new_map()
+    for k, pose in enumerate(((0, 0, 0), (1, 0, 0), (1, 3, 0), (2, 0, 0))):
+        world.add(pose, Packet(*pose, 1.0), k, 0.0, k)
+    for source, target, length, time in ((0, 1, 1.0, 10.0), (1, 3, 1.0, 10.0)):
+        world.connect(source, target, (length, 0.0, 0.0), time, 0.0, 0.0, 10)
+    for source, target, length, time in ((0, 2, 4.0, 4.0), (2, 3, 4.0, 4.0)):
+        world.connect(source, target, (length, 0.0, 0.0), time, 0.0, 0.0, 10)
+    return world
+
+
+def test_a_goal_is_reached_by_the_quicker_route_not_by_the_shorter_one():
+    """Section 7: the durations of the transitions give the quickest route."""
+    world = two_routes()
+    times, lengths, onward = world.ways_to(3)
+    assert (times[0], lengths[0], onward[0], onward[2]) == (8.0, 8.0, 2, 3)
+    times, _, onward = world.ways_to(0)  # And back.
+    assert (times[3], onward[3], onward[2]) == (8.0, 2, 0)
+    assert world.experiences.rows("onward").tolist() == [-1, 0, 0, 2]  # The ways home, too.
+
+
+def test_a_route_that_was_driven_quickly_once_is_the_quicker_one_from_then_on():
+    world = two_routes()
+    for source, target in ((1, 0), (3, 1)):  # Driven back without a stop; links lead both ways.
+        world.connect(source, target, (-1.0, 0.0, 0.0), 2.0, 0.0, 0.0, 10)
+    times, lengths, onward = world.ways_to(3)
+    assert (times[0], lengths[0], onward[0]) == (4.0, 2.0, 1)
+    assert world.experiences.rows("time").tolist() == [0.0, 2.0, 4.0, 4.0]
+
+
 def test_stamps_that_stand_still_are_no_way_in_no_time():
     world = new_map()
     world.add((0.0, 0.0, 0.0), Packet(0, 0, 0, 1), 0, 0.0, 0)

@@ -151,6 +151,8 @@ def test_its_map_is_places_transitions_and_the_way(truth):
     assert len(graph.edges) == mapper.experiences.links.count
     assert (graph.home, graph.current) == (0, mapper.estimate.place)
     assert np.abs(way.poses[:, 2]).max() <= np.pi
+    assert [edge.time for edge in graph.edges] == mapper.experiences.links.rows("time").tolist()
+    assert sum(edge.time or 0.0 for edge in graph.edges) > 10.0
     for edge in graph.edges[:5]:
         end = compose(graph.node(edge.source).pose, edge.motion)
         np.testing.assert_allclose(end[:2], graph.node(edge.target).pose[:2], atol=0.5)

@@ -109,13 +109,16 @@ def test_profiles_are_compared_over_all_turns():
 def test_the_odometer_is_set_right_by_what_is_seen():
     panoramas, config = home(CORRIDOR), PanoramaConfig()
     laser = scan(CORRIDOR, np.array((0.3, 0.1, 0.2)))
-    moved, offset = panoramas.look(laser, (0.35, 0.05, 0.3), 0, NOWHERE)
+    moved, offset, score = panoramas.look(laser, (0.35, 0.05, 0.3), 0, NOWHERE)
+    assert score > 0.9
     np.testing.assert_allclose(moved, (0.3, 0.1, 0.2), atol=0.01)
     np.testing.assert_allclose(offset, moved, atol=1e-9)
     # What is seen is not believed where it is far from what the odometer says.
     far = config.max_deviation + config.max_deviation_share
     motion = (0.3, 0.1, 0.2 + 1.6 * far)
-    assert home(CORRIDOR).look(laser, motion, 0, NOWHERE)[0] == motion
+    moved, _, score = home(CORRIDOR).look(laser, motion, 0, NOWHERE)
+    assert moved == motion
+    assert score == 0.0
 
 
 @pytest.mark.parametrize(("scale", "bias"), [(1.0, 0.0), (1.05, 0.03), (0.95, -0.03)])

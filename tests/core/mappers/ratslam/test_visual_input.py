@@ -50,6 +50,18 @@ def test_a_view_that_the_odometer_rules_out_injects_hardly_any(
     assert found[0] < 1e-6 * CONFIG.views.injection
 
 
+@pytest.mark.parametrize(("disagree", "part"), [(0.0, 0.0), (0.05, 0.5), (0.1, 1.0), (0.5, 1.0)])
+def test_the_robot_is_the_surer_the_better_its_scans_were_aligned(disagree, part) -> None:
+    """After 20 m a match 1 m away from the believed position; `drift` holds for a doubtful way."""
+    cells, links, position = PoseCells(CONFIG.pose_cells), Links(CONFIG.views), Position(CONFIG)
+    visual, config = LaserInput(CONFIG, cells, links, position, "ratslam"), CONFIG.panoramas
+    position.enter(position.add(0, cells.packet), HERE, is_new=True)
+    position.way, position.doubt = position.way + 20.0, position.doubt + 20.0 * disagree
+    spread = config.spread + part * config.drift * 20.0
+    plausible = visual._plausible(ViewMatch(0, (1.0, 0.0, 0.0), 1.0))
+    assert plausible == pytest.approx(np.exp(-0.5 / spread**2))
+
+
 def test_two_views_share_by_how_well_they_match(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one says that the robot is 10 m behind its origin: where it is believed."""
     found = injected(monkeypatch, ViewMatch(0, HERE, 1.0), ViewMatch(1, (-10.0, 0.0, 0.0), 0.7))
