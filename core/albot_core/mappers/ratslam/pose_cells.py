@@ -347,6 +347,8 @@ def _compete(
 @kernel()
 def _add(target: np.ndarray, reached: np.ndarray, count: int, cell: int, amount: float) -> int:
     """Add activity to a cell, and list it if it had none; return the length of the list."""
+    if amount == 0.0:  # A product that underflowed: the cell would be listed again and again.
+        return count
     if target[cell] == 0.0:
         reached[count] = cell
         count += 1

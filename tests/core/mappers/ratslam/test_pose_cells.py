@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_core.mappers.ratslam import pose_cells
 from albot_core.mappers.ratslam.config import PoseCellConfig
 from albot_core.mappers.ratslam.layers import network_activity
 from albot_core.mappers.ratslam.motions import after, nearest_turn
@@ -258,6 +259,18 @@ def test_a_network_that_loses_all_activity_is_seeded_where_it_was():
     assert cells.packet[:3] == (10, 10, 0)
     np.testing.assert_array_equal(cells.activity, [1.0])
     assert dense(cells)[0, 10, 10] == 1.0
+
+
+@pytest.mark.parametrize("amount", [5e-324, 1e-322, 1.0])
+def test_cells_are_listed_once_though_products_underflow(amount):
+    """Without end the lists would be longer than there are cells, and memory be overwritten."""
+    source, target = np.zeros((2, 32))
+    source[[3, 4, 5]] = amount
+    cells, reached = np.array([3, 4, 5]), np.zeros(32, np.int64)
+    weights = np.array([0.1, 0.2, 0.4, 0.2, 0.1])
+    found = pose_cells._spread(source, target, cells, reached, 3, weights, 1, 32)
+    assert found == np.count_nonzero(target)
+    assert set(reached[:found]) == set(np.flatnonzero(target))
 
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e200])
