@@ -226,9 +226,10 @@ class ObservationConfig:
 
     @property
     def dict_space(self) -> spaces.Space[Any]:
-        """The space of observations by part."""
+        """The space of observations by part, in the order of flat observations."""
+        # As pairs: gymnasium sorts the keys of a dict, and would flatten the parts in that order.
         return spaces.Dict(
-            {name: spaces.Box(-1, 1, shape, np.float32) for name, shape in self.shapes.items()}
+            [(name, spaces.Box(-1, 1, shape, np.float32)) for name, shape in self.shapes.items()]
         )
 
     @property

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import FlattenObservation
 
 import albot_env
 from albot_core.errors import InputError
@@ -149,6 +150,16 @@ def test_observations_are_inside_alive_and_their_own(environment: str, form: str
         )
     for k, ours in enumerate(arrays[1:], 1):
         assert not any(np.shares_memory(a, b) for a in ours for b in arrays[k - 1])
+
+
+@pytest.mark.parametrize("environment", quick.IDS)
+def test_flattened_parts_are_the_flat_observation(environment: str) -> None:
+    """So a policy goes from one form to the other."""
+    flattened = FlattenObservation(_make(environment, observation="dict"))
+    flat = _make(environment, observation="flat")
+    assert flattened.observation_space == flat.observation_space
+    for one, other in zip(_rollout(flattened, 1), _rollout(flat, 1), strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
 
 
 @pytest.mark.parametrize("environment", quick.IDS)
