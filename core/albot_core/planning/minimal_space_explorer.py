@@ -144,12 +144,13 @@ class MinimalSpaceExplorer:
             farthest = self._config.turn + self._TURNED
             is_turned_away = is_driving and abs(self._turned_by) > farthest
         is_blocked = self._steps_without_progress >= self._BLOCKED_STEPS
-        if np.hypot(*self._target) < self._ARRIVED or is_blocked or is_turned_away:
+        is_barred = is_blocked or is_turned_away
+        if np.hypot(*self._target) < self._ARRIVED or is_barred:
             self._turn_left, self._way_left = 0.0, 0.0
-            if is_blocked or is_turned_away:
-                self._barred += 1
-                self._turns = int(self._rng.integers(1, self._TURNS + 1)) if self._barred > 1 else 0
-        if is_driving and self._way_left <= 0.0 and not (is_blocked or is_turned_away):
+        if is_barred:
+            self._barred += 1
+            self._turns = int(self._rng.integers(1, self._TURNS + 1)) if self._barred > 1 else 0
+        elif is_driving and self._way_left <= 0.0:
             self._barred = 0
 
     def _begin_move(self, percept: Percept) -> None:

@@ -7,11 +7,16 @@ import pytest
 
 from albot_core.mappers.association.mapper import AssociationConfig
 from albot_core.mappers.association.surfaces import most_similar
+from albot_core.planning.minimal_space_explorer import MinimalSpaceConfig
 from albot_core.sensing.view import construct_view
 from tests.core.scenes import scan_from
 
 CONFIG = AssociationConfig()
 WALL = np.array((0.0, 2.0, 4.0, 2.0))
+
+
+def test_the_explorer_sees_the_surfaces_that_the_mapper_sees() -> None:
+    assert MinimalSpaceConfig().view == CONFIG.view
 
 
 def is_same(*surface: float) -> bool:
