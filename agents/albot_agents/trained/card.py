@@ -96,6 +96,7 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
 def _heading(agent: AgentFile, name: str) -> str:
     network = agent.network
     lstm = f"{network.lstm_layers} × LSTM {network.lstm_size}, " if network.lstm_layers else ""
+    encoders = "".join(f"{each.kind} of {each.part}, " for each in network.encoders)
     layers = " × ".join(map(str, network.layers))
     inputs = f"{network.inputs} inputs"
     if network.candidates:
@@ -103,10 +104,10 @@ def _heading(agent: AgentFile, name: str) -> str:
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
     acts = "deterministically: it takes the action with the highest score"
     if network.sampled:
-        acts = "by sampling from its policy, as in its training"
+        acts = "by sampling speed and turn rate from its policy, as in its training"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
-        f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts "
+        f"{inputs}, {encoders}{lstm}{layers} {network.activation}, {actions}. It acts "
         f"{acts}."
     )
 

@@ -20,8 +20,9 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
 from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.encoders import encoder_weights
 from albot_agents.training.plan import TrainingPlan
-from albot_agents.training.plan_check import check_policy
+from albot_agents.training.plan_check import check_policy, policy_encoders
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
@@ -250,6 +251,8 @@ class AgentExporter:
         env = gymnasium.make(plan.task, **single)
         observation_config = env.get_wrapper_attr("observation_config")
         check_policy(plan.policy, observation_config, env.action_space)
+        self.encoders = policy_encoders(plan.policy, observation_config)
+        """The encoders of the policy."""
         self._settings = kept_settings(plan.task, settings, observation_config)
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
@@ -280,8 +283,9 @@ class AgentExporter:
                 lstm_layers=plan.policy.lstm_layers if plan.recurrent else 0,
                 sampled=plan.policy.sampled,
                 candidates=self._candidates,
+                encoders=self.encoders,
             ),
-            weights=policy_weights(state, plan),
+            weights=encoder_weights(state, self.encoders) | policy_weights(state, plan),
             training=training,
         )
 

@@ -14,7 +14,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv
 
-from albot_agents.trained.network import ABSENT, NOTHING
+from albot_agents.trained.encoders import ABSENT, PartEncoder
+from albot_agents.trained.network import NOTHING
+from albot_agents.training.encoders import extractor_settings
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_agents.training.plan_check import check_device
 
@@ -25,12 +27,15 @@ every step of the environments, so small networks are slower there (stable-basel
 too, in its issue 1245)."""
 
 
-def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
+def make_learner(
+    plan: TrainingPlan, envs: VecEnv, encoders: tuple[PartEncoder, ...] = ()
+) -> OnPolicyAlgorithm:
     """Make the untrained learner of a plan.
 
     Args:
         plan: The plan.
         envs: The environments, `plan.n_envs` of them.
+        encoders: The encoders of the policy, as `policy_encoders` returns them.
 
     Raises:
         InputError: The plan requests a GPU, and there is none.
@@ -50,7 +55,7 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
         _policy_kind(plan),
         envs,
         ent_coef=plan.schedule("ent_coef").first,
-        policy_kwargs=_policy_settings(plan),
+        policy_kwargs=_policy_settings(plan) | extractor_settings(encoders),
         device=choose_device(plan),
         **numbers,
     )

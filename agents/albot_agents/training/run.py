@@ -70,7 +70,9 @@ class TrainingRun:
         self._curriculum = Curriculum(
             plan, int(self._resumed["stage"]), float(self._resumed["seconds"])
         )
-        self.learner: OnPolicyAlgorithm = make_learner(plan, self._curriculum)
+        self.learner: OnPolicyAlgorithm = make_learner(
+            plan, self._curriculum, self._exporter.encoders
+        )
         """The learner."""
         if found is not None:
             path, checkpoint = found
