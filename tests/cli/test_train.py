@@ -14,6 +14,7 @@ import pytest
 from albot_agents import workers
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import TrialRunner
+from albot_agents.training import recent_episodes
 from albot_agents.training.plan import LARGEST_SEED
 from albot_agents.training.plan_file import read_plan, shipped_plan
 from albot_cli import train
@@ -133,6 +134,7 @@ def test_without_a_terminal_lines_tell_how_it_goes(
     run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(train, "_EVERY", 0.0)
+    monkeypatch.setattr(recent_episodes, "ENOUGH", 1)
     words = ("train", config, "--out")
     status, out, err = run(*words, tmp_path / "run")
     assert status == 0
