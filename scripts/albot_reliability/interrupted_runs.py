@@ -107,7 +107,7 @@ def prepare() -> dict[str, float]:
     import torch
 
     torch.set_num_threads(1)
-    workers._CONTEXT = _FORKING  # type: ignore[assignment]
+    workers.CONTEXT = _FORKING  # type: ignore[assignment]
     # Few and short episodes, but two tasks, so that the page is written twice.
     comparison.COMPARISONS = tuple(  # type: ignore[assignment]
         comparison.Comparison(

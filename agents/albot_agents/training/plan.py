@@ -126,7 +126,8 @@ class StagePlan:
     for_steps: int | None = None
     """Samples after which the next stage begins."""
     until_success: float | None = None
-    """Success rate over the last 500 episodes at which the next stage begins."""
+    """Success rate over the 500 episodes of the stage that ended last, at which the next stage
+    begins."""
 
     def __post_init__(self) -> None:
         if self.for_steps is not None:

@@ -154,16 +154,17 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
 
 
 def _read_settings(plan: TrainingPlan, env: Mapping[str, Any], where: Location) -> dict[str, Any]:
-    """Parse settings of a batch of environments.
+    """Parse settings of a batch of environments, whose observations are made flat.
 
     Raises:
-        InputError: As for `read_settings`; or the observations are not flat, as the networks need;
-            or a list has no world, or one that no environment would get.
+        InputError: As for `read_settings`; or a list has no world, or one that no environment
+            would get.
     """
     settings = read_settings(plan.task, env, where)
-    observation = settings.get("observation", "flat")
-    if observation != "flat":
-        raise where.at("observation").error("flat, the form that networks take", observation)
+    if settings.get("observation") == "dict":
+        # Networks take a row of numbers. `FlattenObservation` would make the same of a dict, by a
+        # contract of all environments, but would copy every part at every step.
+        settings["observation"] = "flat"
     worlds = settings.get("world")
     if isinstance(worlds, list) and not 1 <= len(worlds) <= plan.n_envs:
         expected = f"at least one world, and at most n_envs, {plan.n_envs}"

@@ -1,0 +1,33 @@
+"""What stands in for a training in its process; without PyTorch, which is slow to load."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from multiprocessing.connection import Connection
+
+from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.run_files import RunFolder
+from albot_core.errors import InputError
+
+
+def fail_or_end(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
+    """Ends as its seed says."""
+    link.send((plan.seed, "here"))
+    if plan.seed == 1:
+        link.send(InputError("disk", "room"))
+    elif plan.seed == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    elif plan.seed == 3:
+        os._exit(1)
+    else:
+        link.send("look")
+
+
+def wait_for_stop(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
+    """Seed 0 goes on until it is to stop, seed 1 forever."""
+    link.send((0, "begun"))
+    while not link.poll(0.05) or plan.seed == 1:
+        time.sleep(0.01)
+    folder.path.touch()
