@@ -68,6 +68,8 @@ class NetworkConfig:
     `action.log_std`."""
     candidates: int = 0
     """Largest number of candidates in an observation; 0 for a network without candidates."""
+    squashed: bool = False
+    """Whether the outputs go through tanh, as the mean actions of SAC do."""
 
     def __post_init__(self) -> None:
         check_fields(self, SIZES, "inputs", "outputs")
@@ -80,6 +82,8 @@ class NetworkConfig:
         if self.activation not in _ACTIVATIONS:
             expected = f"one of {', '.join(_ACTIVATIONS)}"
             raise InputError("NetworkConfig.activation", expected, self.activation)
+        if self.squashed and self.sampled:
+            raise InputError("NetworkConfig.sampled", "false with squashed outputs", "true")
         self._check_candidates()
 
     def _check_candidates(self) -> None:
@@ -157,7 +161,8 @@ class Network:
         row = observation
         for k in range(self._config.lstm_layers):
             row = self._lstm_step(k, row)
-        return self._linear("action", self._hidden_layers(row))
+        answer = self._linear("action", self._hidden_layers(row))
+        return np.tanh(answer) if self._config.squashed else answer
 
     def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator

@@ -1,4 +1,4 @@
-"""The learner: stable-baselines3's PPO set up by a plan, and a policy for candidates."""
+"""The learner: stable-baselines3's algorithm set up by a plan, and a policy for candidates."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 from gymnasium import spaces
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.distributions import CategoricalDistribution
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -15,6 +16,7 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv
 
 from albot_agents.trained.network import ABSENT, NOTHING
+from albot_agents.training.off_policy import make_off_policy_learner
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_agents.training.plan_check import check_device
 
@@ -25,7 +27,7 @@ every step of the environments, so small networks are slower there (stable-basel
 too, in its issue 1245)."""
 
 
-def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
+def make_learner(plan: TrainingPlan, envs: VecEnv) -> BaseAlgorithm:
     """Make the untrained learner of a plan.
 
     Args:
@@ -37,6 +39,9 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
     """
     if plan.torch_threads:
         torch.set_num_threads(plan.torch_threads)
+    if plan.learns_off_policy:
+        activation = _ACTIVATIONS[plan.policy.activation]
+        return make_off_policy_learner(plan, envs, activation, choose_device(plan))
     numbers: dict[str, Any] = {
         name: getattr(plan, name)
         for name in (
