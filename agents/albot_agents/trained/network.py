@@ -67,6 +67,8 @@ class NetworkConfig:
     """Largest number of candidates in an observation; 0 for a network without candidates."""
     encoders: tuple[PartEncoder, ...] = ()
     """The encoders, of one part each, in the order of the observation."""
+    squashed: bool = False
+    """Whether the outputs go through tanh, as the mean actions of SAC do."""
 
     def __post_init__(self) -> None:
         check_fields(self, SIZES, "inputs", "outputs")
@@ -79,6 +81,8 @@ class NetworkConfig:
         if self.activation not in _ACTIVATIONS:
             expected = f"one of {', '.join(_ACTIVATIONS)}"
             raise InputError("NetworkConfig.activation", expected, self.activation)
+        if self.squashed and self.sampled:
+            raise InputError("NetworkConfig.sampled", "false with squashed outputs", "true")
         self._check_candidates()
         self._check_encoders()
 
@@ -176,7 +180,8 @@ class Network:
         row = encode(self._config.encoders, self._weights, observation)
         for k in range(self._config.lstm_layers):
             row = self._lstm_step(k, row)
-        return self._linear("action", self._hidden_layers(row))
+        answer = self._linear("action", self._hidden_layers(row))
+        return np.tanh(answer) if self._config.squashed else answer
 
     def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator

@@ -1,13 +1,16 @@
 """Save a learner: its complete state in a checkpoint, or its policy alone in an agent file.
 
 A checkpoint holds everything that a learner needs to continue as if it had never stopped, as arrays
-and plain data: weights, Adam's moments, and the states of the random generators.
+and plain data: weights, Adam's moments, and the states of the random generators. Only the replay
+buffer of an off-policy learner is not kept: it is a thousand times larger than the rest, and the
+policy fills it again in minutes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +18,17 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium import spaces
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
+from albot_agents.trained.encoders import PartEncoder
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.encoders import encoder_weights
-from albot_agents.training.plan import TrainingPlan
-from albot_agents.training.plan_check import check_policy, policy_encoders
+from albot_agents.training.off_policy import continue_without_buffer
+from albot_agents.training.plan import ON_POLICY, TrainingPlan
+from albot_agents.training.plan_check import check_algorithm, check_policy, policy_encoders
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
@@ -36,6 +42,14 @@ KEPT = 2
 
 _WEIGHT = "weight."
 """Prefix of the names of weights."""
+_LAYERS = {
+    **dict.fromkeys(ON_POLICY, ("", "mlp_extractor.policy_net.{}", "action_net")),
+    "sac": ("actor.", "latent_pi.{}", "mu"),
+    "dqn": ("q_net.", "q_net.{}", "q_net.{}"),
+    "qrdqn": ("quantile_net.", "quantile_net.{}", "quantile_net.{}"),
+}
+"""Names of the network that acts, of its hidden layers and of its output layer, in
+stable-baselines3; {} is the number of the module, of which every second is an activation."""
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 """Adam's state of each parameter."""
 
@@ -47,7 +61,8 @@ class Checkpoint:
     samples: int
     """Samples so far."""
     updates: int
-    """Number of passes through the samples so far, as counted by stable-baselines3."""
+    """Number of passes through the samples so far, or of gradient steps with a replay buffer, as
+    counted by stable-baselines3."""
     run: Mapping[str, Any]
     """Other state of the run, as plain data."""
     numpy_state: tuple[float, ...]
@@ -116,14 +131,11 @@ def newest_checkpoint(
     return None
 
 
-def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Checkpoint:
+def take_checkpoint(learner: BaseAlgorithm, run: Mapping[str, Any]) -> Checkpoint:
     """Return a checkpoint of a learner's current state; `run` is the run's other state."""
-    arrays = {
-        f"{_WEIGHT}{name}": _array(value) for name, value in learner.policy.state_dict().items()
-    }
-    kept = learner.policy.optimizer.state
-    for name, parameter in learner.policy.named_parameters():
-        for moment, value in kept.get(parameter, {}).items():
+    arrays = {f"{_WEIGHT}{name}": _array(value) for name, value in learnt_tensors(learner).items()}
+    for name, parameter, optimizer in _optimized(learner):
+        for moment, value in optimizer.state.get(parameter, {}).items():
             arrays[f"adam.{moment}.{name}"] = _array(value)
     _, keys, *place = np.random.get_state()  # noqa: NPY002 - what stable-baselines3 draws from
     arrays["random.numpy"] = np.asarray(keys, np.uint32)
@@ -159,7 +171,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     return Checkpoint(**fields, numpy_state=state, arrays=arrays)
 
 
-def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> None:
+def restore(learner: BaseAlgorithm, checkpoint: Checkpoint, path: Path) -> None:
     """Restore a learner's state from a checkpoint.
 
     Args:
@@ -170,14 +182,15 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
     Raises:
         InputError: The arrays do not fit this learner.
     """
-    arrays = dict(checkpoint.arrays)
+    arrays, tensors = dict(checkpoint.arrays), learnt_tensors(learner)
     weights = {
         name: _pop_tensor(arrays, f"{_WEIGHT}{name}", value, path)
-        for name, value in learner.policy.state_dict().items()
+        for name, value in tensors.items()
     }
-    learner.policy.load_state_dict(weights)
-    optimizer = learner.policy.optimizer
-    for name, parameter in learner.policy.named_parameters():
+    with torch.no_grad():
+        for name, value in tensors.items():
+            value.copy_(weights[name])
+    for name, parameter, optimizer in _optimized(learner):
         if f"adam.step.{name}" not in arrays:
             continue  # No update was made yet.
         shapes = dict(zip(_MOMENTS, (parameter, parameter, torch.zeros(())), strict=True))
@@ -190,6 +203,36 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
         raise InputError(path, "only this learner's arrays", min(arrays), place="members")
     learner.num_timesteps = checkpoint.samples
     learner._n_updates = checkpoint.updates
+    if isinstance(learner, OffPolicyAlgorithm):
+        continue_without_buffer(learner)
+
+
+def learnt_tensors(learner: BaseAlgorithm) -> dict[str, torch.Tensor]:
+    """Return all weights of a learner by name: those of its networks, and SAC's coefficient."""
+    return learner.policy.state_dict() | _variables(learner)
+
+
+def _variables(learner: BaseAlgorithm) -> dict[str, torch.Tensor]:
+    """Return the weights outside the networks, as stable-baselines3 itself lists them."""
+    _, names = learner._get_torch_save_params()
+    return {name: attrgetter(name)(learner) for name in names}
+
+
+def _optimized(
+    learner: BaseAlgorithm,
+) -> Iterator[tuple[str, torch.Tensor, torch.optim.Optimizer]]:
+    """Yield name, tensor and optimizer of each weight that is learnt by gradients."""
+    states, _ = learner._get_torch_save_params()
+    optimizers = [attrgetter(name)(learner) for name in states if name.endswith("optimizer")]
+    owners = {
+        parameter: optimizer
+        for optimizer in optimizers
+        for group in optimizer.param_groups
+        for parameter in group["params"]
+    }
+    for name, parameter in (*learner.policy.named_parameters(), *_variables(learner).items()):
+        if parameter in owners:  # Others are copies, such as target networks.
+            yield name, parameter, owners[parameter]
 
 
 def _restore_random(arrays: dict[str, np.ndarray], place: tuple[float, ...], path: Path) -> None:
@@ -250,6 +293,7 @@ class AgentExporter:
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
         observation_config = env.get_wrapper_attr("observation_config")
+        check_algorithm(plan, env.observation_space, env.action_space)
         check_policy(plan.policy, observation_config, env.action_space)
         self.encoders = policy_encoders(plan.policy, observation_config)
         """The encoders of the policy."""
@@ -284,20 +328,25 @@ class AgentExporter:
                 sampled=plan.policy.sampled,
                 candidates=self._candidates,
                 encoders=self.encoders,
+                squashed=plan.algorithm == "sac",
             ),
-            weights=encoder_weights(state, self.encoders) | policy_weights(state, plan),
+            weights=policy_weights(state, plan, self.encoders),
             training=training,
         )
 
 
-def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[str, np.ndarray]:
+def policy_weights(
+    state: Mapping[str, np.ndarray], plan: TrainingPlan, encoders: tuple[PartEncoder, ...] = ()
+) -> dict[str, np.ndarray]:
     """Return the arrays of the policy's network under the names in `NetworkConfig.shapes`.
 
     Args:
         state: All weights, under the names of stable-baselines3's policies.
         plan: The training plan, with the architecture of the network.
+        encoders: The encoders of the policy.
     """
-    weights: dict[str, np.ndarray] = {}
+    actor, hidden, output = _LAYERS[plan.algorithm]
+    weights = encoder_weights(state, encoders, actor)
     if plan.recurrent:
         for k in range(plan.policy.lstm_layers):
             weights[f"lstm{k}.input"] = state[f"lstm_actor.weight_ih_l{k}"]
@@ -306,10 +355,16 @@ def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[
             weights[f"lstm{k}.bias"] = (
                 state[f"lstm_actor.bias_ih_l{k}"] + state[f"lstm_actor.bias_hh_l{k}"]
             )
-    for k in range(len(plan.policy.net_arch)):
-        for part in ("weight", "bias"):
-            # Every second module is an activation.
-            weights[f"layer{k}.{part}"] = state[f"mlp_extractor.policy_net.{2 * k}.{part}"]
+    for part in ("weight", "bias"):
+        for k in range(len(plan.policy.net_arch)):
+            weights[f"layer{k}.{part}"] = state[f"{actor}{hidden.format(2 * k)}.{part}"]
+        last = output.format(2 * len(plan.policy.net_arch))
+        answer = state[f"{actor}{last}.{part}"]
+        if plan.algorithm == "qrdqn":
+            # The mean over the quantiles of a linear layer is a linear layer of the means.
+            quantiles = plan.off_policy.n_quantiles
+            answer = answer.reshape(quantiles, -1, *answer.shape[1:]).mean(axis=0)
+        weights[f"action.{part}"] = answer
     if plan.policy.sampled:
         weights["action.log_std"] = state["log_std"]
-    return weights | {f"action.{part}": state[f"action_net.{part}"] for part in ("weight", "bias")}
+    return weights

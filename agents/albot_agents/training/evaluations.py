@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.base_class import BaseAlgorithm
 
 from albot_agents.task import batch_settings
 from albot_agents.training.journeys import prepare_journeys
@@ -103,7 +103,7 @@ class Evaluations:
         """
         prepare_journeys(self._task, self._batch, self._settings, report)
 
-    def measure(self, learner: OnPolicyAlgorithm) -> bool:
+    def measure(self, learner: BaseAlgorithm) -> bool:
         """Evaluate the current policy and write the results; return whether it is the best so far.
 
         Raises:
@@ -126,7 +126,7 @@ class Evaluations:
         rate = float(self._results["successes"][k].mean())
         return (0.0 if np.isnan(rate) else rate), float(self._results["results"][k].mean())
 
-    def _run(self, learner: OnPolicyAlgorithm) -> dict[str, np.ndarray]:
+    def _run(self, learner: BaseAlgorithm) -> dict[str, np.ndarray]:
         """Run one episode in each environment; return the results by name of the array."""
         count = len(self._seeds)
         figures = {"successes": "is_success", "spl": "spl"}

@@ -1,4 +1,4 @@
-"""The learner: stable-baselines3's PPO set up by a plan, and a policy for candidates."""
+"""The learner: stable-baselines3's algorithm set up by a plan, and a policy for candidates."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 from gymnasium import spaces
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.distributions import CategoricalDistribution
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -17,6 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from albot_agents.trained.encoders import ABSENT, PartEncoder
 from albot_agents.trained.network import NOTHING
 from albot_agents.training.encoders import extractor_settings
+from albot_agents.training.off_policy import make_off_policy_learner
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_agents.training.plan_check import check_device
 
@@ -29,7 +31,7 @@ too, in its issue 1245)."""
 
 def make_learner(
     plan: TrainingPlan, envs: VecEnv, encoders: tuple[PartEncoder, ...] = ()
-) -> OnPolicyAlgorithm:
+) -> BaseAlgorithm:
     """Make the untrained learner of a plan.
 
     Args:
@@ -42,6 +44,9 @@ def make_learner(
     """
     if plan.torch_threads:
         torch.set_num_threads(plan.torch_threads)
+    if plan.learns_off_policy:
+        activation = _ACTIVATIONS[plan.policy.activation]
+        return make_off_policy_learner(plan, envs, encoders, activation, choose_device(plan))
     numbers: dict[str, Any] = {
         name: getattr(plan, name)
         for name in (

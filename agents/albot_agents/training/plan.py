@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import Any
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.trained.encoders import LAYERS, SIZES
+from albot_agents.training.off_policy_plan import OFF_POLICY, USERS, VALUE_BASED, OffPolicyPlan
 from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
-ALGORITHMS = ("ppo", "recurrent_ppo")
+ON_POLICY = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
+ALGORITHMS = (*ON_POLICY, *OFF_POLICY)
 POLICIES = ("mlp", "cnn", "attention", "multi_input", "candidates")
 """Networks that take the whole observation, that see patches by convolutions, the graph of places
 by attention, or both, and networks that take each candidate in the observation separately."""
@@ -32,6 +35,19 @@ _LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
 _LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
 _THREADS = Range("a whole number from 0 to 1024", 0.0, 1024.0, whole=True)
 _FROM_TWO = Range("a whole number from 2, for a standard deviation", 2.0, whole=True)
+_USERS = {
+    **dict.fromkeys(
+        ("n_steps", "n_epochs", "gae_lambda", "clip_range", "ent_coef", "vf_coef", "target_kl"),
+        ON_POLICY,
+    ),
+    "max_grad_norm": (*ON_POLICY, *VALUE_BASED),
+    "policy.value_arch": (*ON_POLICY, "sac"),
+    "policy.log_std_init": (*ON_POLICY, "sac"),
+    "policy.sampled": ON_POLICY,
+    **dict.fromkeys(("policy.lstm_size", "policy.lstm_layers"), ("recurrent_ppo",)),
+    **{f"off_policy.{name}": users for name, users in USERS.items()},
+}
+"""The algorithms that use each field; those that are not here are used by all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,15 +74,17 @@ class PolicyPlan:
     net_arch: tuple[int, ...] = (64, 64)
     """Units of each hidden layer."""
     value_arch: tuple[int, ...] | None = None
-    """Units of each hidden layer of the value network; None for the same as `net_arch`."""
+    """Units of each hidden layer of the value network, for `sac` of each critic; None for the same
+    as `net_arch`."""
     activation: str = "tanh"
     """`tanh`, `relu` or `elu`."""
     log_std_init: float = 0.0
     """Initial logarithm of the actions' standard deviation."""
     initial_action: tuple[float, ...] | None = None
-    """Mean action of the initial policy; None for 0. For discrete actions, their initial logits;
-    for candidates, the initial logits of "none" and of "this one". It can keep an untrained policy
-    from declaring home by chance after a few steps, before it could learn to drive."""
+    """Mean action of the initial policy; None for 0. For discrete actions, their initial logits,
+    for `dqn` and `qrdqn` the logits of the random actions by which they explore; for candidates,
+    the initial logits of "none" and of "this one". It can keep an untrained policy from declaring
+    home by chance after a few steps, before it could learn to drive."""
     sampled: bool = False
     """Whether the agent samples speed and turn rate, as in training, instead of taking the mean,
     which may stand still forever between turning left and right. What it says, such as that it is
@@ -143,7 +161,8 @@ class TrainingPlan:
     task: str = ""
     """Id of the environment."""
     algorithm: str = "ppo"
-    """`ppo` or `recurrent_ppo`."""
+    """`ppo`, `recurrent_ppo` or, for continuous actions, `sac`; for discrete ones `dqn` or `qrdqn`.
+    A field that the algorithm does not use must keep its default."""
     n_timesteps: int = 10_000_000
     """Total number of samples."""
     n_envs: int = 1024
@@ -151,28 +170,33 @@ class TrainingPlan:
     policy: PolicyPlan = field(default_factory=PolicyPlan)
     """The networks."""
     n_steps: int = 32
-    """Steps per environment between two updates; 10 million samples at most of all together."""
+    """Steps per environment between two updates; 10 million samples at most of all together. For
+    `ppo` and `recurrent_ppo`."""
     batch_size: int = 8192
-    """Samples per gradient step."""
+    """Samples per gradient step; for `ppo` and `recurrent_ppo` a divisor of n_envs × n_steps."""
     n_epochs: int = 4
-    """Number of times that each sample is used."""
+    """Number of times that each sample is used; for `ppo` and `recurrent_ppo`."""
     learning_rate: float | str = "lin_0.0003"
     """Learning rate of Adam, 1 at most; a number or a schedule."""
     gamma: float = 0.995
     """Discount factor per step."""
     gae_lambda: float = 0.95
-    """λ of generalised advantage estimation (Schulman et al., arXiv:1506.02438)."""
+    """λ of generalised advantage estimation (Schulman et al., arXiv:1506.02438); for `ppo` and
+    `recurrent_ppo`."""
     clip_range: float | str = 0.2
-    """ε of PPO's clipping; a number or a schedule."""
+    """ε of PPO's clipping, for `ppo` and `recurrent_ppo`; a number or a schedule."""
     ent_coef: float | str = 0.0
-    """Coefficient of the entropy in the loss; a number or a schedule."""
+    """Coefficient of the entropy in the loss, for `ppo` and `recurrent_ppo`; a number or a
+    schedule. That of `sac` is `off_policy.ent_coef`."""
     vf_coef: float = 0.5
-    """Coefficient of the value error in the loss."""
+    """Coefficient of the value error in the loss; for `ppo` and `recurrent_ppo`."""
     max_grad_norm: float = 0.5
-    """Largest norm of a gradient; longer ones are clipped."""
+    """Largest norm of a gradient; longer ones are clipped. Not for `sac`."""
     target_kl: float | None = None
     """KL divergence from the policy that collected the samples, above which an update ends; None
-    for no limit."""
+    for no limit. For `ppo` and `recurrent_ppo`."""
+    off_policy: OffPolicyPlan = field(default_factory=OffPolicyPlan)
+    """What `sac`, `dqn` and `qrdqn` have in place of the fields for `ppo`."""
     env: Mapping[str, Any] = field(default_factory=dict)
     """Settings of the environment, including `config`. A list of worlds, `n_envs` at most, is
     distributed over the environments in turn."""
@@ -208,11 +232,45 @@ class TrainingPlan:
         if self.recurrent and self.policy.kind == "candidates":
             expected = "another kind than candidates for an LSTM"
             raise InputError("TrainingPlan.policy", expected, self.policy.kind)
+        self._check_unused_fields()
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
         rate = self.schedule("learning_rate")
         if max(rate.first, rate.last) > 1:
             raise InputError("TrainingPlan.learning_rate", "at most 1", str(self.learning_rate))
+        if self.learns_off_policy:
+            self._check_off_policy()
+        else:
+            self._check_rollout()
+        if any(stage.for_steps is stage.until_success is None for stage in self.curriculum[:-1]):
+            expected = "for_steps or until_success in all stages but the last"
+            raise InputError("TrainingPlan.curriculum", expected, "a stage with neither")
+
+    def _check_unused_fields(self) -> None:
+        """Raise InputError if a field is set of which the algorithm makes no use.
+
+        It would be wrong to leave its user in the belief that it matters.
+        """
+        defaults = {"policy": PolicyPlan(), "off_policy": OffPolicyPlan()}
+        tops = {each.name: each.default for each in fields(self)}
+        found = []
+        for path, users in _USERS.items():
+            top, _, name = path.partition(".")
+            default = getattr(defaults[top], name) if name else tops[top]
+            value = attrgetter(path)(self)
+            if self.algorithm not in users and value != default:
+                found.append((path, value, default))
+        if not found:
+            return
+        (path, value, default), *others = found
+        top, _, name = path.partition(".")
+        wanted = f"{name} {'null' if default is None else default}".lstrip()
+        expected = f"{wanted}, the default, because {self.algorithm} does not use it"
+        more = f" (and also {', '.join(other for other, *_ in others)})" if others else ""
+        raise InputError(f"TrainingPlan.{top}", expected, f"{value}{more}")
+
+    def _check_rollout(self) -> None:
+        """Raise InputError unless the samples between two updates fit memory and batches."""
         samples = self.n_envs * self.n_steps
         if samples > MOST_SAMPLES:
             expected = f"at most {MOST_SAMPLES:,} samples, n_envs × n_steps, between two updates"
@@ -220,9 +278,21 @@ class TrainingPlan:
         if samples % self.batch_size:
             expected = f"a divisor of n_envs × n_steps, {samples}"
             raise InputError("TrainingPlan.batch_size", expected, str(self.batch_size))
-        if any(stage.for_steps is stage.until_success is None for stage in self.curriculum[:-1]):
-            expected = "for_steps or until_success in all stages but the last"
-            raise InputError("TrainingPlan.curriculum", expected, "a stage with neither")
+
+    def _check_off_policy(self) -> None:
+        """Raise InputError for what does not fit an algorithm that learns from a replay buffer."""
+        place, own, kind = "TrainingPlan.off_policy", self.off_policy, self.policy.kind
+        if kind == "candidates":
+            expected = f"another kind than candidates for {self.algorithm}"
+            raise InputError("TrainingPlan.policy", expected, kind)
+        if own.buffer_size < self.n_envs:
+            expected = f"a buffer_size of n_envs, {self.n_envs}, or more"
+            raise InputError(place, expected, str(own.buffer_size))
+        if own.learning_starts >= self.n_timesteps:
+            expected = (
+                f"learning_starts below n_timesteps, {self.n_timesteps}, or nothing is learnt"
+            )
+            raise InputError(place, expected, str(own.learning_starts))
 
     def schedule(self, name: str) -> Schedule:
         """Return the schedule of a field.
@@ -236,6 +306,11 @@ class TrainingPlan:
     def recurrent(self) -> bool:
         """Whether the policy has an LSTM."""
         return self.algorithm == "recurrent_ppo"
+
+    @property
+    def learns_off_policy(self) -> bool:
+        """Whether the algorithm learns from a replay buffer."""
+        return self.algorithm in OFF_POLICY
 
     @property
     def stages(self) -> tuple[StagePlan, ...]:

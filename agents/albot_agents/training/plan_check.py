@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from gymnasium.vector import VectorEnv
 
 from albot_agents.trained.encoders import ATTENTION, CONVOLUTION, PartEncoder
 from albot_agents.trained.network import CANDIDATES
-from albot_agents.training.plan import PolicyPlan, TrainingPlan
+from albot_agents.training.off_policy_plan import VALUE_BASED
+from albot_agents.training.plan import ON_POLICY, PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 from albot_core.plain_data import Location
 from albot_env.tasks.core.observation import ObservationConfig
@@ -45,6 +47,57 @@ def check_device(plan: TrainingPlan, where: Location = MEMORY) -> None:
 
     if not torch.cuda.is_available():
         raise where.at("device").error("auto or cpu, since there is no GPU", "cuda")
+
+
+def check_algorithm(
+    plan: TrainingPlan,
+    observations: spaces.Space[Any],
+    actions: spaces.Space[Any],
+    where: Location = MEMORY,
+) -> None:
+    """Raise InputError if an algorithm does not fit the actions, or its buffer not the memory.
+
+    Args:
+        plan: The plan.
+        observations: The environment's observation space.
+        actions: The environment's action space.
+        where: Location of the plan.
+    """
+    discrete = isinstance(actions, spaces.Discrete)
+    fitting = (*ON_POLICY, *(VALUE_BASED if discrete else ("sac",)))
+    numbers = spaces.flatdim(actions)
+    if plan.algorithm not in fitting:
+        its = f"{numbers} discrete actions" if discrete else f"actions of {numbers} numbers"
+        # The actions of judging places are discrete whatever the settings.
+        remedy = "" if discrete else "; dqn and qrdqn need env: {action: discrete}"
+        expected = f"one of {', '.join(fitting)} for {its}{remedy}"
+        raise where.at("algorithm").error(expected, plan.algorithm)
+    start = plan.policy.initial_action or ()
+    if plan.algorithm == "sac" and any(abs(number) >= 1 for number in start):
+        expected = "numbers within (-1, 1) for sac, whose actions never leave it"
+        raise where.at("policy", "initial_action").error(expected, str(list(start)))
+    if plan.learns_off_policy:
+        size = sample_bytes(spaces.flatdim(observations), 2 if discrete else numbers)
+        most = memory_bytes() // 2 // size
+        if plan.off_policy.buffer_size > most:
+            expected = f"at most {most:,} samples of {size:,} bytes, half of this machine's memory"
+            found = f"{plan.off_policy.buffer_size:,}"
+            raise where.at("off_policy", "buffer_size").error(expected, found)
+
+
+def sample_bytes(observation: int, action: int) -> int:
+    """Return the size of a sample in stable-baselines3's replay buffer (bytes).
+
+    Args:
+        observation: Numbers in an observation; a sample has two.
+        action: Numbers in an action, of 4 bytes; a discrete action takes two.
+    """
+    return 4 * (2 * observation + action + 3)  # Reward, end of the episode, end by time.
+
+
+def memory_bytes() -> int:
+    """Return the size of the machine's memory (bytes)."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def check_policy(

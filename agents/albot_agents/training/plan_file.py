@@ -14,7 +14,13 @@ import gymnasium
 from albot_agents.evaluation.plan import Trial, parse_seeds, plan_trials
 from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import EvaluationPlan, StagePlan, TrainingPlan
-from albot_agents.training.plan_check import MEMORY, check_device, check_policy, check_spaces
+from albot_agents.training.plan_check import (
+    MEMORY,
+    check_algorithm,
+    check_device,
+    check_policy,
+    check_spaces,
+)
 from albot_core.config_document import to_yaml
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -145,7 +151,9 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         settings = stage_settings(plan, stage, place)
         batches.append(_try_out(plan, stage.env, settings, where.at("env"), place))
         check_spaces(batches[0], batches[-1], place)
-    check_policy(plan.policy, batches[0].observation_config, batches[0].single_action_space, where)
+    actions = batches[0].single_action_space
+    check_algorithm(plan, batches[0].single_observation_space, actions, where)
+    check_policy(plan.policy, batches[0].observation_config, actions, where)
     if plan.evaluation is not None:
         place = where.at("evaluation", "env")
         settings = evaluation_settings(plan, place)

@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.utils.tensorboard import SummaryWriter
 
@@ -22,6 +24,7 @@ from albot_agents.training.checkpoint import (
     AgentExporter,
     Checkpoint,
     checkpoints,
+    learnt_tensors,
     newest_checkpoint,
     restore,
     take_checkpoint,
@@ -36,6 +39,11 @@ from albot_core.plain_data import Location, read_record
 from albot_core.ranges import NOT_NEGATIVE
 
 _DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+_LOGARITHMS = ("log_std", "log_ent_coef")
+"""Weights that are logarithms: PPO's standard deviations, SAC's coefficient of the entropy."""
+_ROUND_STEPS = 32
+"""Steps of all environments between two looks at an off-policy run, whose rollouts are too short: a
+snapshot of all weights costs as much as an update of small networks."""
 _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"seconds": float}
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
@@ -70,9 +78,7 @@ class TrainingRun:
         self._curriculum = Curriculum(
             plan, int(self._resumed["stage"]), float(self._resumed["seconds"])
         )
-        self.learner: OnPolicyAlgorithm = make_learner(
-            plan, self._curriculum, self._exporter.encoders
-        )
+        self.learner: BaseAlgorithm = make_learner(plan, self._curriculum, self._exporter.encoders)
         """The learner."""
         if found is not None:
             path, checkpoint = found
@@ -102,8 +108,12 @@ class TrainingRun:
             remaining = self._plan.n_timesteps - self.learner.num_timesteps
             if remaining > 0:
                 self._prepare_journeys()
-                callback = _RolloutCallback(self._between_rollouts)
-                self.learner.learn(remaining, callback=callback, reset_num_timesteps=False)
+                callback = _RolloutCallback(self._between_rollouts, self._rollouts_of_round)
+                # None, because an off-policy learner would log every few episodes within a step.
+                log_interval: Any = None if self._plan.learns_off_policy else 1
+                self.learner.learn(
+                    remaining, callback, log_interval=log_interval, reset_num_timesteps=False
+                )
             self._between_rollouts(last=True)
         except KeyboardInterrupt:
             stopped = True
@@ -136,13 +146,16 @@ class TrainingRun:
                 each.prepare_journeys(lambda note: self._report(samples, note))
 
     def _between_rollouts(self, last: bool = False) -> None:
-        """Change the stage, evaluate and save where due, between two rollouts and at the end."""
+        """Change the stage, evaluate and save where due, between two rounds and at the end."""
         samples = self.learner.num_timesteps
         self._check_weights()
         self._episode_log.add(self._curriculum.take_rows())
         if self._curriculum.is_over(samples - self._stage_began) and not last:
             self._next_stage()
-        self._set_entropy_coefficient(samples)
+        if isinstance(self.learner, OffPolicyAlgorithm):
+            self.learner.dump_logs()
+        elif isinstance(self.learner, OnPolicyAlgorithm):
+            self._set_entropy_coefficient(self.learner)
         self._snapshot = self._take_snapshot()
         self._maybe_evaluate(last)
         if last or samples - self._saved_at >= self._plan.checkpoint_every:
@@ -151,8 +164,8 @@ class TrainingRun:
 
     def _check_weights(self) -> None:
         """Raise InputError if the training has diverged: no agent file may hold such weights."""
-        for name, value in self.learner.policy.state_dict().items():
-            most = LARGEST_LOG_STD if name == "log_std" else LARGEST_WEIGHT
+        for name, value in learnt_tensors(self.learner).items():
+            most = LARGEST_LOG_STD if name in _LOGARITHMS else LARGEST_WEIGHT
             if not bool((value.abs() <= most).all()):
                 expected = f"weights within ±{most:g}; a smaller learning_rate may help"
                 samples = f"after {self.learner.num_timesteps:,} samples"
@@ -169,10 +182,10 @@ class TrainingRun:
         learner._last_episode_starts = np.ones(self._plan.n_envs, np.bool_)
         self._stage_began = samples
 
-    def _set_entropy_coefficient(self, samples: int) -> None:
+    def _set_entropy_coefficient(self, learner: OnPolicyAlgorithm) -> None:
         """Set the coefficient by its schedule; stable-baselines3 handles the other schedules."""
-        remaining = 1 - samples / self._plan.n_timesteps
-        self.learner.ent_coef = self._plan.schedule("ent_coef")(max(0.0, remaining))
+        remaining = 1 - learner.num_timesteps / self._plan.n_timesteps
+        learner.ent_coef = self._plan.schedule("ent_coef")(max(0.0, remaining))
 
     def _maybe_evaluate(self, last: bool) -> None:
         """Evaluate the policy if an evaluation is due, and save it if it is the best so far."""
@@ -218,6 +231,13 @@ class TrainingRun:
             **machine_facts(),
         )
         return self._exporter.agent(snapshot.weights, facts)
+
+    @property
+    def _rollouts_of_round(self) -> int:
+        """Rollouts between two looks at the run."""
+        if not self._plan.learns_off_policy:
+            return 1
+        return max(1, _ROUND_STEPS // self._plan.off_policy.train_freq)
 
     @property
     def _episodes(self) -> int:
@@ -280,14 +300,16 @@ class TrainingRun:
 
 
 class _RolloutCallback(BaseCallback):
-    """Calls a function before each rollout."""
+    """Calls a function before the first of every so many rollouts."""
 
-    def __init__(self, act: Callable[[], None]) -> None:
+    def __init__(self, act: Callable[[], None], every: int) -> None:
         super().__init__()
-        self._act = act
+        self._act, self._every, self._begun = act, every, 0
 
     def _on_rollout_start(self) -> None:
-        self._act()
+        if self._begun % self._every == 0:
+            self._act()
+        self._begun += 1
 
     def _on_step(self) -> bool:
         return True

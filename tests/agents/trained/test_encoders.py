@@ -21,11 +21,12 @@ from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.encoders import PartEncoder, encode
 from albot_agents.trained.network import Network, NetworkConfig
 from albot_agents.training.checkpoint import policy_weights
-from albot_agents.training.encoders import encoder_weights, extractor_settings
-from albot_agents.training.plan import PolicyPlan, TrainingPlan
+from albot_agents.training.encoders import extractor_settings
+from albot_agents.training.plan import ALGORITHMS, ON_POLICY, PolicyPlan, TrainingPlan
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
-from tests.agents.training.tiny import TINY, begun
+from albot_core.plain_data import deep_merge
+from tests.agents.training.tiny import TINY, begun, off_policy
 
 PLACES, CONNECTIONS, COLUMNS = 5, 7, 9
 PATCH = PartEncoder(part="map_patch", kind="convolution", begin=3, shape=(2, 9, 12), filters=(4, 3))
@@ -54,9 +55,10 @@ def _rows(seed: int, count: int) -> np.ndarray:
 def _originals(kind: str, lstm: bool) -> tuple[Any, Network]:
     """A policy with random weights, and the network made of it."""
     encoders = ENCODERS[kind]
-    algorithm = "recurrent_ppo" if lstm else "ppo"
+    memory: dict[str, Any] = {"lstm_size": 5} if lstm else {}
     plan = TrainingPlan(
-        algorithm=algorithm, policy=PolicyPlan(kind=kind, net_arch=(16,), lstm_size=5)
+        algorithm="recurrent_ppo" if lstm else "ppo",
+        policy=PolicyPlan(kind=kind, net_arch=(16,), **memory),
     )
     torch.manual_seed(3)
     make: Any = RecurrentActorCriticPolicy if lstm else ActorCriticPolicy
@@ -75,7 +77,7 @@ def _originals(kind: str, lstm: bool) -> tuple[Any, Network]:
         lstm_size=5 * lstm, lstm_layers=int(lstm),
     )  # fmt: skip
     state = {name: value.detach().numpy() for name, value in policy.state_dict().items()}
-    weights = encoder_weights(state, encoders) | policy_weights(state, plan)
+    weights = policy_weights(state, plan, encoders)
     assert {name: array.shape for name, array in weights.items()} == config.shapes
     return policy, Network(config, weights)
 
@@ -196,20 +198,19 @@ SEES_MAP: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "recurrent_ppo"])
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_an_agent_that_sees_its_map_is_trained_and_drives(tmp_path: Path, algorithm: str) -> None:
-    folder, plan = begun(tmp_path, TINY, **SEES_MAP, algorithm=algorithm, n_timesteps=32)
+    tiny = TINY if algorithm in ON_POLICY else off_policy(algorithm)
+    folder, plan = begun(tmp_path, deep_merge(tiny, SEES_MAP), algorithm=algorithm)
     run = TrainingRun(folder, plan)
     run.run()
     file = read_agent(folder.last)
     assert [encoder.part for encoder in file.network.encoders] == ["map_patch", "place_graph"]
     assert file.network.encoders[0].shape == (2, 8, 8)
-    env = gymnasium.make(
-        plan.task,
-        world="square-loop",
-        **find_agent(str(folder.last)).environment(plan.task, {"config": None, "mapper": "albot1"}),
-    )
-    agent = make_agent(str(folder.last), EnvironmentConfigs.of(env))
+    name = str(folder.last)
+    settings = find_agent(name).environment(plan.task, {})
+    env = gymnasium.make(plan.task, world="square-loop", **settings)
+    agent = make_agent(name, EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 3)
     answer = choose_action(agent, observation, info)
     expected, _ = run.learner.predict(observation, deterministic=True)

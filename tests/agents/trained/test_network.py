@@ -9,10 +9,14 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from sb3_contrib.qrdqn.policies import QRDQNPolicy
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.dqn.policies import DQNPolicy
+from stable_baselines3.sac.policies import SACPolicy
 
 from albot_agents.trained.network import Network, NetworkConfig
 from albot_agents.training.checkpoint import policy_weights
+from albot_agents.training.off_policy_plan import OffPolicyPlan
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 
@@ -30,6 +34,7 @@ def _network(policy: Any, plan: TrainingPlan, outputs: int) -> Network:
         sampled=plan.policy.sampled,
         lstm_size=plan.policy.lstm_size if recurrent else 0,
         lstm_layers=plan.policy.lstm_layers if recurrent else 0,
+        squashed=plan.algorithm == "sac",
     )
     state = {name: value.numpy() for name, value in policy.state_dict().items()}
     weights = policy_weights(state, plan)
@@ -45,7 +50,6 @@ def _policy(kind: Any, plan: TrainingPlan, actions: Any, **settings: Any) -> Any
         lambda _: 1e-3,
         net_arch=list(plan.policy.net_arch),
         activation_fn=ACTIVATIONS[plan.policy.activation],
-        ortho_init=False,
         **settings,
     )
     for parameter in policy.parameters():  # As large as training makes them, biases too.
@@ -57,7 +61,7 @@ def _policy(kind: Any, plan: TrainingPlan, actions: Any, **settings: Any) -> Any
 @pytest.mark.parametrize("layers", [(16, 8), ()])
 def test_an_mlp_does_as_its_original(activation: str, layers: tuple[int, ...]) -> None:
     plan = TrainingPlan(policy=PolicyPlan(net_arch=layers, activation=activation))
-    policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32))
+    policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32), ortho_init=False)
     network = _network(policy, plan, 3)
     rows = np.random.default_rng(1).uniform(-1, 1, (40, LENGTH)).astype(np.float32)
     expected, _ = policy.predict(rows, deterministic=True)
@@ -68,7 +72,7 @@ def test_an_mlp_does_as_its_original(activation: str, layers: tuple[int, ...]) -
 
 def test_driving_is_drawn_as_by_its_original() -> None:
     plan = TrainingPlan(policy=PolicyPlan(net_arch=(16,), sampled=True))
-    policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32))
+    policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32), ortho_init=False)
     network, rng = _network(policy, plan, 3), np.random.default_rng(4)
     row = rng.uniform(-1, 1, LENGTH).astype(np.float32)
     drawn = np.array([network.sample(network(row), rng) for _ in range(20_000)])
@@ -82,12 +86,52 @@ def test_driving_is_drawn_as_by_its_original() -> None:
 
 def test_a_discrete_policy_chooses_as_its_original() -> None:
     plan = TrainingPlan(policy=PolicyPlan(net_arch=(16,)))
-    policy = _policy(ActorCriticPolicy, plan, Discrete(5))
+    policy = _policy(ActorCriticPolicy, plan, Discrete(5), ortho_init=False)
     network = _network(policy, plan, 5)
     rows = np.random.default_rng(1).uniform(-1, 1, (40, LENGTH)).astype(np.float32)
     expected, _ = policy.predict(rows, deterministic=True)
     assert [int(np.argmax(network(row))) for row in rows] == expected.tolist()
     assert len(set(expected.tolist())) > 2
+
+
+@pytest.mark.parametrize("activation", ["tanh", "relu", "elu"])
+@pytest.mark.parametrize("layers", [(16, 8), ()])
+def test_a_soft_actor_does_as_its_original(activation: str, layers: tuple[int, ...]) -> None:
+    plan = TrainingPlan(algorithm="sac", policy=PolicyPlan(net_arch=layers, activation=activation))
+    policy = _policy(SACPolicy, plan, Box(-1, 1, (3,), np.float32))
+    network = _network(policy, plan, 3)
+    rows = np.random.default_rng(1).uniform(-1, 1, (40, LENGTH)).astype(np.float32)
+    expected, _ = policy.predict(rows, deterministic=True)
+    found = np.array([network(row) for row in rows])
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert np.abs(expected).max() > 0.7  # Far from where tanh is a line.
+
+
+@pytest.mark.parametrize("layers", [(16, 8), ()])
+def test_values_of_actions_are_as_by_their_original(layers: tuple[int, ...]) -> None:
+    own = {"dqn": OffPolicyPlan(), "qrdqn": OffPolicyPlan(n_quantiles=7)}
+    for algorithm, kind, settings in (
+        ("dqn", DQNPolicy, {}),
+        ("qrdqn", QRDQNPolicy, {"n_quantiles": 7}),
+    ):
+        plan = TrainingPlan(
+            algorithm=algorithm,
+            policy=PolicyPlan(net_arch=layers),
+            off_policy=own[algorithm],
+        )
+        policy = _policy(kind, plan, Discrete(5), **settings)
+        network = _network(policy, plan, 5)
+        rows = np.random.default_rng(1).uniform(-1, 1, (40, LENGTH)).astype(np.float32)
+        with torch.no_grad():
+            if algorithm == "dqn":
+                values = policy.q_net(torch.from_numpy(rows)).numpy()
+            else:  # One row of actions for each quantile.
+                values = policy.quantile_net(torch.from_numpy(rows)).mean(dim=1).numpy()
+        found = np.array([network(row) for row in rows])
+        np.testing.assert_allclose(found, values, atol=1e-5)
+        expected, _ = policy.predict(rows, deterministic=True)
+        assert found.argmax(axis=1).tolist() == expected.tolist()
+        assert len(set(expected.tolist())) > 2
 
 
 @pytest.mark.parametrize("layers", [1, 2])
@@ -96,7 +140,7 @@ def test_an_lstm_remembers_as_its_original(layers: int) -> None:
         algorithm="recurrent_ppo",
         policy=PolicyPlan(net_arch=(6,), lstm_size=7, lstm_layers=layers),
     )
-    settings = {"lstm_hidden_size": 7, "n_lstm_layers": layers}
+    settings = {"lstm_hidden_size": 7, "n_lstm_layers": layers, "ortho_init": False}
     space = Box(-1, 1, (2,), np.float32)
     policy = _policy(RecurrentActorCriticPolicy, plan, space, **settings)
     network = _network(policy, plan, 2)
@@ -123,6 +167,7 @@ def test_an_lstm_remembers_as_its_original(layers: int) -> None:
         ({"activation": "sine"}, "activation"),
         ({"lstm_size": 4}, "lstm_size"),
         ({"lstm_layers": 1}, "lstm_size"),
+        ({"squashed": True, "sampled": True}, "sampled"),
     ],
 )
 def test_what_is_no_network_is_refused(changes: dict[str, Any], place: str) -> None:

@@ -34,6 +34,7 @@ SCHEDULES: dict[str, tuple[str, float]] = {
 """Schedules, and what they come to with a quarter of the training ahead."""
 ELSEWHERE = {
     "ent_coef",  # Below.
+    "off_policy",  # Of other learners; test_off_policy.py.
     "task", "algorithm", "n_envs", "policy", "device", "torch_threads",
     # What is no business of the learner's.
     "n_timesteps", "env", "evaluation", "curriculum", "checkpoint_every",

@@ -39,6 +39,31 @@ TINY = deep_merge(
 )
 """Four updates, one episode in an evaluation."""
 
+SAMPLES = 160
+"""Samples of a tiny run off-policy: two rounds of 32 steps of two environments, and a half."""
+
+
+def off_policy(algorithm: str) -> dict[str, Any]:
+    """A tiny plan for an algorithm that learns from a replay buffer."""
+    plan = deep_merge(
+        TINY,
+        {
+            "algorithm": algorithm,
+            "n_timesteps": SAMPLES,
+            "n_steps": 32,
+            "n_epochs": 4,
+            "batch_size": 8,
+            "checkpoint_every": 64,
+            "evaluation": {"every": 64},
+            "policy": {"initial_action": [0.5, 0, -0.9]},
+            "off_policy": {"buffer_size": 100, "learning_starts": 20, "gradient_steps": 1},
+        },
+    )
+    if algorithm == "sac":
+        return plan
+    discrete = {"env": {"action": "discrete"}, "policy": {"initial_action": None}}
+    return deep_merge(plan, discrete | {"off_policy": {"target_update_interval": 10}})
+
 
 def plan_file(path: Path, plan: dict[str, Any] = TINY, **changes: Any) -> Path:
     """The tiny plan, or another one, as a YAML file, with changes."""
