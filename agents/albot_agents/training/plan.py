@@ -9,11 +9,14 @@ from typing import Any
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.trained.network import LAYERS, SIZES
+from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 ALGORITHMS = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
+ACTOR_CRITICS = ("ppo", "recurrent_ppo")
+"""Algorithms whose policy and value function can be pretrained."""
 POLICIES = ("mlp", "candidates")
 """Networks that take the whole observation, or that take each candidate in it separately."""
 ACTIVATIONS = ("elu", "relu", "tanh")
@@ -161,6 +164,8 @@ class TrainingPlan:
     """Evaluations during training; None for no evaluations."""
     curriculum: tuple[StagePlan, ...] = ()
     """The stages in order; empty for a single stage without end."""
+    pretrain: PretrainPlan | None = None
+    """Behaviour cloning of an agent before the first sample; None to begin untrained."""
     checkpoint_every: int = 500_000
     """Samples between two checkpoints."""
     seed: int = 0
@@ -188,6 +193,9 @@ class TrainingPlan:
         _check_name("TrainingPlan.device", self.device, DEVICES)
         if self.recurrent and self.policy.kind != "mlp":
             raise InputError("TrainingPlan.policy", "kind mlp for an LSTM", self.policy.kind)
+        if self.pretrain is not None and self.algorithm not in ACTOR_CRITICS:
+            expected = f"null for {self.algorithm}: only {' and '.join(ACTOR_CRITICS)} clone"
+            raise InputError("TrainingPlan.pretrain", expected, "a pretraining")
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
         rate = self.schedule("learning_rate")
