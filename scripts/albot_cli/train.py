@@ -180,7 +180,7 @@ def _read_plan(
     from albot_agents.training.plan_file import read_plan, shipped_plan
 
     task = None if task is None else find_task(task)
-    changes = {"seed": seed, "n_timesteps": steps, "robot": robot}
+    changes: dict[str, Any] = {"seed": seed, "n_timesteps": steps, "robot": robot}
     if config is not None:
         return read_plan(config, task, tried=tried, **changes)
     if task is None:

@@ -28,7 +28,7 @@ ABSENT = np.float32(-1e8)
 ENDS = slice(1, 3)
 """Columns of a connection that hold the rows of its source and target."""
 
-_BEGINS = Range("a whole number from 0", 0.0, 1e9, whole=True)
+_NOT_NEGATIVE = Range("a whole number from 0", 0.0, 1e9, whole=True)
 _HEADS = Range("a whole number from 1 to 64", 1.0, 64.0, whole=True)
 
 Row = Float32[np.ndarray, "inputs"]
@@ -70,7 +70,7 @@ class PartEncoder:
     """Number of queries of the attention."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _BEGINS, "begin")
+        check_fields(self, _NOT_NEGATIVE, "begin", "places", "units", "heads")
         dimensions = {CONVOLUTION: 3, ATTENTION: 2}.get(self.kind)
         if dimensions is None:
             expected = f"{CONVOLUTION} or {ATTENTION}"

@@ -11,6 +11,7 @@ from typing import Any
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.trained.encoders import LAYERS, SIZES
 from albot_agents.training.off_policy_plan import OFF_POLICY, USERS, VALUE_BASED, OffPolicyPlan
+from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
@@ -204,6 +205,8 @@ class TrainingPlan:
     """Evaluations during training; None for no evaluations."""
     curriculum: tuple[StagePlan, ...] = ()
     """The stages in order; empty for a single stage without end."""
+    pretrain: PretrainPlan | None = None
+    """Behaviour cloning of an agent before the first sample; None to begin untrained."""
     checkpoint_every: int = 500_000
     """Samples between two checkpoints."""
     seed: int = 0
@@ -232,6 +235,9 @@ class TrainingPlan:
         if self.recurrent and self.policy.kind == "candidates":
             expected = "another kind than candidates for an LSTM"
             raise InputError("TrainingPlan.policy", expected, self.policy.kind)
+        if self.pretrain is not None and self.learns_off_policy:
+            expected = f"null for {self.algorithm}: only {' and '.join(ON_POLICY)} clone"
+            raise InputError("TrainingPlan.pretrain", expected, "a pretraining")
         self._check_unused_fields()
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)

@@ -1,4 +1,7 @@
-"""A training run: it alternates rollouts and updates, and writes all files of the run."""
+"""A training run: it alternates rollouts and updates, and writes all files of the run.
+
+A pretraining, if the plan has one, comes before the first rollout.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,7 @@ from albot_agents.training.curriculum import Curriculum
 from albot_agents.training.evaluations import Evaluations
 from albot_agents.training.learner import make_learner
 from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.pretraining import Pretraining
 from albot_agents.training.run_files import EpisodeLog, RunFolder, machine_facts
 from albot_core.errors import InputError
 from albot_core.plain_data import Location, read_record
@@ -47,6 +51,9 @@ snapshot of all weights costs as much as an update of small networks."""
 _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"seconds": float}
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
+
+_CRITIC = "value_net", "mlp_extractor.value_net", "lstm_critic", "critic", "vf_features_extractor"
+"""Beginnings of the names of the value function's own weights, in stable-baselines3's policies."""
 
 ProgressReport = Callable[[int, str], None]
 """Called with the number of samples so far, and the state of the training as text."""
@@ -84,6 +91,9 @@ class TrainingRun:
             path, checkpoint = found
             restore(self.learner, checkpoint, path)
             self._curriculum.seed(self._next_seed())
+        # The first checkpoint comes after the pretraining.
+        self._pretrains = found is None and plan.pretrain is not None
+        self._figures: dict[str, float] = {}
         self._stage_began = int(self._resumed["stage_began"])
         self._began_at = self._saved_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
@@ -108,6 +118,8 @@ class TrainingRun:
             remaining = self._plan.n_timesteps - self.learner.num_timesteps
             if remaining > 0:
                 self._prepare_journeys()
+                if self._pretrains:
+                    self._pretrain()
                 callback = _RolloutCallback(self._between_rollouts, self._rollouts_of_round)
                 # None, because an off-policy learner would log every few episodes within a step.
                 log_interval: Any = None if self._plan.learns_off_policy else 1
@@ -117,7 +129,8 @@ class TrainingRun:
             self._between_rollouts(last=True)
         except KeyboardInterrupt:
             stopped = True
-            self._save()
+            if not self._pretrains:
+                self._save()
         except (ValueError, RuntimeError):
             # Torch refuses distributions with such weights, in the midst of an update.
             self._check_weights()
@@ -145,6 +158,20 @@ class TrainingRun:
             if each is not None:
                 each.prepare_journeys(lambda note: self._report(samples, note))
 
+    def _pretrain(self) -> None:
+        """Let the policy learn from demonstrations, and evaluate what it has learnt."""
+        assert isinstance(self.learner, OnPolicyAlgorithm), "others are refused with the plan"
+        pretraining = Pretraining(self._plan, self.learner, self._folder.demonstrations)
+        self._figures = pretraining.run(lambda note: self._report(0, note))
+        for name, value in self._figures.items():
+            self.learner.logger.record(f"pretrain/{name}", value)
+        self._check_weights()
+        self._snapshot = self._take_snapshot()
+        self._save()
+        self._pretrains = False
+        if self._evaluations is not None:
+            self._evaluate(self._evaluations)
+
     def _between_rollouts(self, last: bool = False) -> None:
         """Change the stage, evaluate and save where due, between two rounds and at the end."""
         samples = self.learner.num_timesteps
@@ -156,6 +183,7 @@ class TrainingRun:
             self.learner.dump_logs()
         elif isinstance(self.learner, OnPolicyAlgorithm):
             self._set_entropy_coefficient(self.learner)
+        self._freeze_actor(samples)
         self._snapshot = self._take_snapshot()
         self._maybe_evaluate(last)
         if last or samples - self._saved_at >= self._plan.checkpoint_every:
@@ -187,6 +215,15 @@ class TrainingRun:
         remaining = 1 - learner.num_timesteps / self._plan.n_timesteps
         learner.ent_coef = self._plan.schedule("ent_coef")(max(0.0, remaining))
 
+    def _freeze_actor(self, samples: int) -> None:
+        """Let only the value function learn in the first updates after a pretraining."""
+        if self._plan.pretrain is None:
+            return
+        updates = samples // (self._plan.n_envs * self._plan.n_steps)
+        learns = updates >= self._plan.pretrain.critic_updates
+        for name, parameter in self.learner.policy.named_parameters():
+            parameter.requires_grad_(learns or name.startswith(_CRITIC))
+
     def _maybe_evaluate(self, last: bool) -> None:
         """Evaluate the policy if an evaluation is due, and save it if it is the best so far."""
         evaluation, evaluations = self._plan.evaluation, self._evaluations
@@ -195,6 +232,10 @@ class TrainingRun:
             return
         if samples - evaluations.samples < (1 if last else evaluation.every):
             return
+        self._evaluate(evaluations)
+
+    def _evaluate(self, evaluations: Evaluations) -> None:
+        """Evaluate the policy, and save it if it is the best so far."""
         best = evaluations.measure(self.learner)
         for name, value in evaluations.last.items():
             if value is not None:
@@ -258,6 +299,7 @@ class TrainingRun:
             "samples": self._snapshot.samples,
             "episodes": self._snapshot.run["episodes"],
             "stage": curriculum.stage,
+            "pretraining": self._figures,
             "seconds": seconds,
             "samples_per_second": (samples - self._began_at) / seconds,
             "environment_share": curriculum.step_seconds / seconds,

@@ -72,6 +72,11 @@ class RunFolder:
         return self.path / "evaluations.npz"
 
     @property
+    def demonstrations(self) -> Path:
+        """The demonstrations of the pretraining."""
+        return self.path / "demonstrations.npz"
+
+    @property
     def checkpoints(self) -> Path:
         """The checkpoints."""
         return self.path / "checkpoints"
@@ -136,7 +141,8 @@ class RunFolder:
             raise InputError(
                 self.path, f"the folder of a training run, with {self.plan.name}", "none"
             )
-        plan = read_plan(self.plan, task, tried=tried, n_timesteps=n_timesteps)
+        begun = bool(checkpoints(self.checkpoints))
+        plan = read_plan(self.plan, task, tried=tried, pretrained=begun, n_timesteps=n_timesteps)
         # Without a checkpoint a run begins anew, as one that was stopped before its first. But an
         # agent is saved only with a checkpoint.
         if self.last.exists() and not checkpoints(self.checkpoints):
