@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def check_algorithm(
     actions: spaces.Space[Any],
     where: Location = MEMORY,
 ) -> None:
-    """Raise InputError if an algorithm does not fit the actions, or its buffer not the memory.
+    """Raise InputError if an algorithm does not fit the actions, or its buffer the memory.
 
     Args:
         plan: The plan.
@@ -97,6 +98,8 @@ def sample_bytes(observation: int, action: int) -> int:
 
 def memory_bytes() -> int:
     """Return the size of the machine's memory (bytes)."""
+    if sys.platform == "win32":  # It does not tell; as much as most computers have.
+        return 16 << 30
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 

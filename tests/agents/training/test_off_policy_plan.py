@@ -161,3 +161,13 @@ def test_each_field_says_who_uses_it() -> None:
     for name, users in USERS.items():
         if users != OFF_POLICY:
             assert f"for {' and '.join(f'`{user}`' for user in users)}." in meanings[name]
+
+
+def test_the_plan_in_the_documents_is_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[3] / "docs" / "training.md").read_text(encoding="utf-8")
+    example = text.split("```yaml\n")[2].split("```")[0]
+    (tmp_path / "plan.yml").write_text(example, encoding="utf-8")
+    plan = read_plan(tmp_path / "plan.yml", "Albot/Homing-v0")
+    assert plan.algorithm == "sac"
+    assert plan.off_policy == OffPolicyPlan()  # It shows all fields, with their defaults.
+    assert all(f"  {name}: " in example for name in USERS)
