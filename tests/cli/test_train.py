@@ -25,6 +25,7 @@ from albot_agents.training.seed_folder import SeedRun
 from albot_cli import train
 from albot_cli.main import main
 from albot_core.config_document import parameters
+from albot_core.errors import InputError
 from tests.agents.training.tiny import TASK, plan_file
 from tests.processes import ALBOT, running, wait_until
 
@@ -154,6 +155,24 @@ def test_several_seeds_give_one_curve(
     assert "expected a folder without runs" in again[2]
     again = run("train", config, "--out", folder)
     assert "expected a folder without runs" in again[2]
+
+
+def test_the_curve_shows_those_that_did_not_fail(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def one_fails(runs: dict[int, SeedRun], jobs: int, reporter: Any) -> Any:
+        _one_after_the_other({5: runs[5]}, jobs, reporter)
+        return {2: InputError("disk", "room")}, False
+
+    monkeypatch.setattr(seed_processes, "train_seeds", one_fails)
+    status, out, err = run("train", config, "--seeds", "2,5", "--out", tmp_path / "mine")
+    assert (status, out) == (2, "")
+    assert err == (
+        f"albot: {tmp_path / 'mine'}: expected runs that come to their end, found errors with "
+        "seed 2, as told above\n"
+    )
+    facts = json.loads((tmp_path / "mine" / "curve.json").read_text())
+    assert facts["seeds"] == [5]
 
 
 def test_ctrl_c_stops_all_seeds_and_they_go_on(

@@ -26,9 +26,11 @@ from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import Network
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_agents.training.checkpoint import read_checkpoint
-from albot_agents.training.plan_file import read_plan
+from albot_agents.training.learning_curve import read_curves
+from albot_agents.training.plan_file import read_plan, save_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
+from albot_agents.training.seed_folder import SeedFolder
 from albot_cli.config import read_task_config
 from albot_cli.worlds import in_full, summary
 from albot_core.archive import read_arrays
@@ -54,7 +56,7 @@ from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
-from tests.agents.training.tiny import TASK, TINY, begun
+from tests.agents.training.tiny import TASK, TINY, begun, plan_file
 from tests.core.logs.conftest import WRITERS, make_drive
 from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
 from tests.fuzzing.reader import Reader, one_file
@@ -255,6 +257,29 @@ def _resume(folder: Path) -> None:
     training.close()
 
 
+def _write_curve(folder: Path) -> None:
+    path = shipped_agents()["place-recognition"]
+    run = RunFolder(folder)
+    run.last.write_bytes(path.read_bytes())
+    save_plan(read_agent(path).training.plan, run.plan)
+    run.monitor.touch()
+
+
+def _draw_curve(folder: Path) -> None:
+    curves = read_curves([folder])
+    assert curves.csv
+    assert curves.facts
+    curves.figure()
+
+
+def _write_seeds(folder: Path) -> None:
+    seeds = SeedFolder(folder)
+    seeds.begin(read_plan(plan_file(folder / "plan.yml"), tried=False), (1, 2), "albot train")
+    shutil.rmtree(seeds.run(1).path)
+    shutil.rmtree(seeds.run(2).path)
+    (folder / "plan.yml").unlink()
+
+
 READERS: tuple[Reader, ...] = (
     *_log_readers(),
     *_world_readers(),
@@ -288,6 +313,19 @@ READERS: tuple[Reader, ...] = (
         functions=(read_checkpoint, read_arrays, RunFolder),
         write=_write_run,
         read=_resume,
+        examples=12,
+    ),
+    Reader(
+        name="learning curve",
+        functions=(read_curves,),
+        write=_write_curve,
+        read=_draw_curve,
+    ),
+    Reader(
+        name="folder of several seeds",
+        functions=(SeedFolder,),
+        write=_write_seeds,
+        read=lambda folder: SeedFolder(folder).resume(None),
         examples=12,
     ),
 )
