@@ -51,6 +51,33 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
     return actions
 
 
+class _Watched(dict[str, Any]):
+    """An observation by part that keeps the names of the parts that were looked at."""
+
+    def __init__(self, parts: Any, looked_at: set[str]) -> None:
+        super().__init__(parts)
+        self._looked_at = looked_at
+
+    def __getitem__(self, part: str) -> Any:
+        self._looked_at.add(part)
+        return super().__getitem__(part)
+
+
+@pytest.mark.parametrize(("name", "task"), DRIVERS)
+def test_an_agent_looks_at_no_other_parts_than_it_says(name: str, task: str) -> None:
+    """Else it could not be shown them where a learner observes less."""
+    agent, env = _begun(name, task, "dict")
+    observation, info = begin_episode(env, agent, 0)
+    looked_at: set[str] = set()
+    for _ in range(20):
+        action = choose_action(agent, _Watched(observation, looked_at), info)
+        observation, _, over, _, info = env.step(action)
+        if over:
+            break
+    assert looked_at
+    assert looked_at <= set(AGENTS[name].uses)
+
+
 @pytest.mark.parametrize(("name", "task"), DRIVERS)
 def test_an_agent_drives_as_fast_whatever_its_actions_stand_for(name: str, task: str) -> None:
     """Its commands are in m/s and rad/s: only where they exceed an action's limit are they cut."""

@@ -26,6 +26,7 @@ from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import Network
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_agents.training.checkpoint import read_checkpoint
+from albot_agents.training.demonstrations import read_demonstrations
 from albot_agents.training.learning_curve import read_curves
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_agents.training.run import TrainingRun
@@ -56,6 +57,7 @@ from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
+from tests.agents.training.demonstrated import ACTIONS, LESSON, demonstrations
 from tests.agents.training.tiny import TASK, TINY, begun, plan_file
 from tests.core.logs.conftest import WRITERS, make_drive
 from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
@@ -280,6 +282,11 @@ def _write_seeds(folder: Path) -> None:
     (folder / "plan.yml").unlink()
 
 
+def _read_demonstrations(path: Path) -> None:
+    made = read_demonstrations(path, LESSON, 3)
+    assert made.first(1).said(ACTIONS).shape == made.returns(0.9)[1].shape
+
+
 READERS: tuple[Reader, ...] = (
     *_log_readers(),
     *_world_readers(),
@@ -297,6 +304,14 @@ READERS: tuple[Reader, ...] = (
         functions=(read_figures,),
         write=_write_figures,
         read=lambda folder: render_page(read_figures(folder / "results.json")),
+    ),
+    Reader(
+        name="demonstrations",
+        functions=(read_demonstrations,),
+        write=lambda folder: demonstrations(rewards=np.ones((2, 3), np.float32)).save(
+            folder / "a.npz"
+        ),
+        read=lambda folder: _read_demonstrations(folder / "a.npz"),
     ),
     one_file(
         "training plan", "a.yml", yaml.safe_dump(TINY), lambda path: read_plan(path), read_plan

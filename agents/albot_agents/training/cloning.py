@@ -77,18 +77,20 @@ class Cloner:
         """Use each sample once; yield the rows, their log-likelihoods and squared value errors."""
         recurrent = isinstance(self._policy, RecurrentActorCriticPolicy)
         for batch in (self._pieces if recurrent else self._samples)(data, rng):
-            rows, values, log_likelihoods = batch
+            rows, present, values, log_likelihoods = batch
             weights, returns, known = (
                 self._tensor(array[rows]) for array in (data.weights, data.returns, data.known)
             )
             errors = known * (values.flatten() - returns) ** 2
-            loss = (self._plan.vf_coef * errors - weights * log_likelihoods).mean()
+            losses = self._plan.vf_coef * errors - weights * log_likelihoods
+            loss = losses[self._tensor(present)].mean()
             self._optimizer.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(self._policy.parameters(), _LARGEST_GRADIENT)
             self._optimizer.step()
             keep_spread(self._policy)
-            yield rows, torch.stack((log_likelihoods, errors)).detach().cpu().numpy()
+            figures = torch.stack((log_likelihoods, errors)).detach().cpu().numpy()
+            yield rows[present], figures[:, present]
 
     def _samples(self, data: _Data, rng: np.random.Generator) -> Iterator[tuple[Any, ...]]:
         """Evaluate batches of samples in any order."""
@@ -96,31 +98,31 @@ class Cloner:
         for begin in range(0, data.count, self._plan.batch_size):
             rows = order[begin : begin + self._plan.batch_size]
             values, log_likelihoods, _ = self._policy.evaluate_actions(*self._seen(data, rows))
-            yield rows, values, log_likelihoods
+            yield rows, np.ones(len(rows), np.bool_), values, log_likelihoods
 
     def _pieces(self, data: _Data, rng: np.random.Generator) -> Iterator[tuple[Any, ...]]:
-        """Evaluate pieces of sequences, each with the state that its predecessor ended with.
+        """Evaluate pieces of several episodes, each with the state that its predecessor ended with.
 
-        The gradient does not reach back into that.
+        The gradient does not reach back into that. Episodes of about the same length go together;
+        the shorter ones are filled up with samples that are not present.
         """
         policy: Any = self._policy
-        sequences, steps = data.shape
-        groups = -(-sequences // max(1, self._plan.batch_size // PIECE))
-        for group in np.array_split(rng.permutation(sequences), groups):
-            layers, _, units = policy.lstm_hidden_state_shape
-            zeros = torch.zeros(layers, len(group), units, device=policy.device)
+        layers, _, units = policy.lstm_hidden_state_shape
+        for first, lengths in data.episodes(max(1, self._plan.batch_size // PIECE), rng):
+            zeros = torch.zeros(layers, len(first), units, device=policy.device)
             states = RNNStates((zeros, zeros), (zeros, zeros))
-            for begin in range(0, steps, PIECE):
-                piece = np.arange(begin, min(begin + PIECE, steps))
-                rows = (group[:, np.newaxis] * steps + piece).ravel()
-                observations, actions = self._seen(data, rows)
-                begins = self._tensor(data.begins[rows])
-                values, log_likelihoods, _ = policy.evaluate_actions(
-                    observations, actions, states, begins
-                )
-                yield rows, values, log_likelihoods
+            for begin in range(0, int(lengths.max()), PIECE):
+                steps = np.arange(begin, min(begin + PIECE, int(lengths.max())))
+                present = (steps < lengths[:, np.newaxis]).ravel()
+                held = np.minimum(steps, lengths[:, np.newaxis] - 1)
+                rows = (first[:, np.newaxis] + held).ravel()
+                seen, actions = self._seen(data, rows)
+                # No episode begins within a piece, which lets an LSTM take it as a whole.
+                begins = torch.zeros(len(rows), device=policy.device)
+                values, log_likelihoods, _ = policy.evaluate_actions(seen, actions, states, begins)
+                yield rows, present, values, log_likelihoods
                 with torch.no_grad():
-                    *_, states = policy.forward(observations, states, begins, deterministic=True)
+                    *_, states = policy.forward(seen, states, begins, deterministic=True)
 
     def _seen(self, data: _Data, rows: _Rows) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the observations and actions of some samples."""
@@ -137,15 +139,28 @@ class _Data:
     def __init__(
         self, given: Demonstrations, plan: PretrainPlan, gamma: float, actions: ActionConfig
     ) -> None:
-        self.shape, self.count = given.rewards.shape, given.count
+        self.count = given.count
         self.observations = given.observations.reshape(self.count, -1)
         self.actions = given.actions.reshape(self.count, *given.actions.shape[2:])
-        self.begins = given.begins.ravel().astype(np.float32)
+        self._first = np.flatnonzero(given.begins.ravel())
+        self._lengths = np.diff(self._first, append=self.count)
         returns, known = given.returns(gamma)
         self.returns, self.known = returns.ravel(), known.ravel().astype(np.float32)
         self.said = given.said(actions).ravel()
-        weights = np.where(self.said, plan.said_weight, 1.0)
-        self.weights = (weights / weights.mean()).astype(np.float32)
+        share = self.said.mean()
+        wanted = max(plan.said_share, share) if 0 < share < 1 else share
+        each = np.where(self.said, wanted / max(share, 1e-9), (1 - wanted) / max(1 - share, 1e-9))
+        self.weights = each.astype(np.float32)
+
+    def episodes(
+        self, together: int, rng: np.random.Generator
+    ) -> Iterator[tuple[_Rows, Int64[np.ndarray, "episodes"]]]:
+        """Yield the first rows and the lengths of some episodes at a time, in any order."""
+        order = rng.permutation(len(self._first))
+        order = order[np.argsort(self._lengths[order], kind="stable")]
+        groups = np.array_split(order, -(-len(order) // together))
+        for k in rng.permutation(len(groups)):
+            yield self._first[groups[k]], self._lengths[groups[k]]
 
     def means(self, batches: list[tuple[_Rows, np.ndarray]]) -> dict[str, float]:
         """Return the means of an epoch."""

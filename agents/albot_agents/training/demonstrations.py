@@ -116,7 +116,7 @@ class Demonstrations:
             if "turn rate" not in config.names:
                 return np.zeros(self.rewards.shape, np.bool_)
             numbers = config.choices[self.actions]
-        rows = numbers.reshape(self.count, -1)
+        rows = numbers.reshape(self.count, -1).astype(np.float64)
         said = [config.flagged(rows, name) for name in config.names[2:]]
         any_said = np.any([np.zeros(self.count, np.bool_), *said], axis=0)
         return np.asarray(any_said.reshape(self.rewards.shape))

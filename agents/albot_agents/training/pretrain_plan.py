@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from albot_core.errors import InputError
-from albot_core.ranges import COUNT, FROM_ONE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import FROM_ONE, NOT_NEGATIVE, SHARE, Range, check_fields
 
 _ROBOTS = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 _RATE = Range("a number above 0, at most 1", 0.0, 1.0, beyond=True)
@@ -38,31 +38,27 @@ class PretrainPlan:
     and the agent tells what it would do there."""
     beta: float = 0.5
     """The agent drives the share `beta` to the power of k in round k, counted from 0."""
-    n_epochs: int = 10
+    n_epochs: int = 20
     """Number of times that each sample is used after each round."""
-    batch_size: int = 512
+    batch_size: int = 256
     """Samples per gradient step."""
     learning_rate: float = 1e-3
     """Learning rate of Adam, 1 at most."""
-    said_weight: float = 1.0
-    """Weight in the loss of samples in which the agent says something: declares home, or claims to
-    know the place. They are rare."""
+    said_share: float = 0.2
+    """Least share in the loss of the samples in which the agent says something: declares home, or
+    claims to know the place. They are rare; 0 lets each sample count the same."""
     vf_coef: float = 0.5
     """Coefficient of the value error in the loss; 0 to leave the value function as it is. It learns
     the discounted returns of the demonstrations."""
     log_std: float | None = None
     """Logarithm of the actions' standard deviation after cloning; None for what cloning found."""
-    critic_updates: int = 0
-    """Number of the first updates in which only the value function learns."""
 
     def __post_init__(self) -> None:
         check_fields(self, FROM_ONE, "steps", "rounds", "n_epochs", "batch_size")
         check_fields(self, _ROBOTS, "n_envs")
-        check_fields(self, SHARE, "beta")
+        check_fields(self, SHARE, "beta", "said_share")
         check_fields(self, _RATE, "learning_rate")
-        check_fields(self, POSITIVE, "said_weight")
         check_fields(self, NOT_NEGATIVE, "vf_coef")
-        check_fields(self, COUNT, "critic_updates")
         if self.log_std is not None:
             check_fields(self, _LOG_STD, "log_std")
         if bool(self.agent) is bool(self.demonstrations):

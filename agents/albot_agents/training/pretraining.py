@@ -61,8 +61,11 @@ class Pretraining:
         self._plan, self._pretrain, self._learner, self._path = plan, plan.pretrain, learner, path
         self._settings = pretraining_settings(plan)
 
-    def run(self, report: Report = lambda note: None) -> dict[str, float]:
-        """Pretrain; return figures of the demonstrations and of the last epoch (see `Cloner`).
+    def run(self, report: Report = lambda note: None) -> dict[str, float | int | None]:
+        """Pretrain; return `samples`, the agent's `success_rate` and the last epoch's figures.
+
+        The success rate is that of the agent alone, None if no episode ended; the others are those
+        of `Cloner.learn`.
 
         Args:
             report: Called with the progress as text.
@@ -75,20 +78,22 @@ class Pretraining:
             if self._pretrain.demonstrations
             else self._clone_agent(report)
         )
+        # What follows must not depend on whether the last demonstrations were made or read.
+        torch.manual_seed(_number(self._entropy(self._pretrain.rounds)))
         spread = getattr(self._learner.policy, "log_std", None)
         if self._pretrain.log_std is not None and spread is not None:
             with torch.no_grad():
                 spread.fill_(self._pretrain.log_std)
         return figures
 
-    def _clone_file(self, path: Path, report: Report) -> dict[str, float]:
+    def _clone_file(self, path: Path, report: Report) -> dict[str, float | int | None]:
         settings = first_world(self._settings)
         batch: Any = gymnasium.make_vec(self._plan.task, num_envs=1, **settings).unwrapped
         batch.close()
         demonstrations = self._read(path, batch)
         return self._clone(self._cloner(batch), demonstrations, 0, report)
 
-    def _clone_agent(self, report: Report) -> dict[str, float]:
+    def _clone_agent(self, report: Report) -> dict[str, float | int | None]:
         plan, pretrain = self._plan, self._pretrain
         envs = TaughtEnvironments(plan.task, pretrain.agent, pretrain.n_envs, self._settings)
         try:
@@ -110,11 +115,11 @@ class Pretraining:
         plan, pretrain = self._plan, self._pretrain
         count, steps = pretrain.n_envs, pretrain.steps_per_round
         entropy = self._entropy(k)
-        torch.manual_seed(int(entropy.generate_state(1)[0]))
+        torch.manual_seed(_number(entropy))
         # In the paper the agent drives at each step with this probability. Here it drives this
         # share of the environments, so that what it demonstrates there is whole.
         taught = np.arange(count) < round(count * pretrain.beta**k)
-        observations = envs.reset(int(entropy.generate_state(2)[1]))
+        observations = envs.reset(_number(entropy))
         state, begins = None, np.ones(count, np.bool_)
         columns: list[tuple[Any, ...]] = []
         for step in range(steps):
@@ -143,16 +148,12 @@ class Pretraining:
 
     def _clone(
         self, cloner: Cloner, demonstrations: Demonstrations, k: int, report: Report
-    ) -> dict[str, float]:
+    ) -> dict[str, float | int | None]:
         """Let the policy learn from the demonstrations of all rounds up to round k."""
         rng = np.random.default_rng(self._entropy(k))
         figures = cloner.learn(demonstrations, rng, lambda note: report(f"{self._round(k)}{note}"))
-        rate = demonstrations.success_rate
-        return (
-            {"samples": demonstrations.count}
-            | figures
-            | ({"success_rate": rate} if rate is not None else {})
-        )
+        told = {"samples": demonstrations.count, "success_rate": demonstrations.success_rate}
+        return told | figures
 
     def _cloner(self, batch: Any) -> Cloner:
         return Cloner(self._learner.policy, self._pretrain, self._plan.gamma, batch.action_config)
@@ -172,6 +173,10 @@ class Pretraining:
         """Return the beginning of a report of round k."""
         rounds = self._pretrain.rounds
         return f"round {k + 1} of {rounds}, " if rounds > 1 else ""
+
+
+def _number(entropy: np.random.SeedSequence) -> int:
+    return int(entropy.generate_state(1)[0])
 
 
 def _after(

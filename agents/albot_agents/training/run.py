@@ -52,9 +52,6 @@ _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"s
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
 
-_CRITIC = "value_net", "mlp_extractor.value_net", "lstm_critic", "critic", "vf_features_extractor"
-"""Beginnings of the names of the value function's own weights, in stable-baselines3's policies."""
-
 ProgressReport = Callable[[int, str], None]
 """Called with the number of samples so far, and the state of the training as text."""
 
@@ -93,7 +90,7 @@ class TrainingRun:
             self._curriculum.seed(self._next_seed())
         # The first checkpoint comes after the pretraining.
         self._pretrains = found is None and plan.pretrain is not None
-        self._figures: dict[str, float] = {}
+        self._figures: dict[str, float | int | None] = {}
         self._stage_began = int(self._resumed["stage_began"])
         self._began_at = self._saved_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
@@ -164,7 +161,8 @@ class TrainingRun:
         pretraining = Pretraining(self._plan, self.learner, self._folder.demonstrations)
         self._figures = pretraining.run(lambda note: self._report(0, note))
         for name, value in self._figures.items():
-            self.learner.logger.record(f"pretrain/{name}", value)
+            if value is not None:
+                self.learner.logger.record(f"pretrain/{name}", value)
         self._check_weights()
         self._snapshot = self._take_snapshot()
         self._save()
@@ -183,7 +181,6 @@ class TrainingRun:
             self.learner.dump_logs()
         elif isinstance(self.learner, OnPolicyAlgorithm):
             self._set_entropy_coefficient(self.learner)
-        self._freeze_actor(samples)
         self._snapshot = self._take_snapshot()
         self._maybe_evaluate(last)
         if last or samples - self._saved_at >= self._plan.checkpoint_every:
@@ -214,15 +211,6 @@ class TrainingRun:
         """Set the coefficient by its schedule; stable-baselines3 handles the other schedules."""
         remaining = 1 - learner.num_timesteps / self._plan.n_timesteps
         learner.ent_coef = self._plan.schedule("ent_coef")(max(0.0, remaining))
-
-    def _freeze_actor(self, samples: int) -> None:
-        """Let only the value function learn in the first updates after a pretraining."""
-        if self._plan.pretrain is None:
-            return
-        updates = samples // (self._plan.n_envs * self._plan.n_steps)
-        learns = updates >= self._plan.pretrain.critic_updates
-        for name, parameter in self.learner.policy.named_parameters():
-            parameter.requires_grad_(learns or name.startswith(_CRITIC))
 
     def _maybe_evaluate(self, last: bool) -> None:
         """Evaluate the policy if an evaluation is due, and save it if it is the best so far."""
