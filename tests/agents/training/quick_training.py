@@ -26,8 +26,10 @@ def fail_or_end(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None
 
 
 def wait_for_stop(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
-    """Seed 0 goes on until it is to stop, seed 1 forever."""
+    """Seed 0 goes on until it is to stop, seed 1 whatever it is told; neither for ever."""
     link.send((0, "begun"))
-    while not link.poll(0.05) or plan.seed == 1:
-        time.sleep(0.01)
-    folder.path.touch()
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and (plan.seed == 1 or not link.poll()):
+        time.sleep(0.02)
+    if link.poll():  # It was told.
+        folder.path.touch()
