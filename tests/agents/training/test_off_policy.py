@@ -12,6 +12,7 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 from stable_baselines3.common.vec_env import DummyVecEnv
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from albot_agents.registry import make_agent
 from albot_agents.trained.agent_file import read_agent
@@ -60,6 +61,14 @@ def test_its_agent_acts_as_the_learner(trained: Trained) -> None:
     for row in rows.astype(np.float32):
         expected, _ = learner.policy.predict(row, deterministic=True)
         np.testing.assert_allclose(agent.act(row, {}), expected, atol=1e-5)
+
+
+def test_its_losses_are_logged_once_a_round(trained: Trained) -> None:
+    """stable-baselines3 would log every four episodes, of which a step may end hundreds."""
+    log = EventAccumulator(str(trained[0].tensorboard)).Reload()
+    loss = "train/critic_loss" if trained[1].algorithm == "sac" else "train/loss"
+    assert [event.step for event in log.Scalars(loss)] == [64, 128, 160]
+    assert {"rollout/ep_rew_mean", "eval/return"} <= set(log.Tags()["scalars"])
 
 
 def test_a_resumed_run_has_all_but_the_buffer(trained: Trained, tmp_path: Path) -> None:
@@ -231,7 +240,7 @@ def test_each_environment_explores_for_itself(algorithm: str) -> None:
 
 
 def test_sac_begins_with_the_action_of_its_plan() -> None:
-    """From the first step on: uniform actions would declare home at every other step."""
+    """From the first step on: one in four uniform actions would declare home."""
     policy = PolicyPlan(net_arch=(4,), initial_action=(-0.9,), log_std_init=-3.0)
     count = 500
     learner = _learner("sac", count, policy=policy, off_policy=OffPolicyPlan(learning_starts=1500))
