@@ -22,6 +22,7 @@ import albot_env
 import albot_experiments
 import albot_maps
 from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_core.errors import InputError
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import OccupancyGridLayer
@@ -37,6 +38,7 @@ DEFAULTS = Path(__file__).with_name("defaults.json")
 """All defaults. `python -m tests.test_configurations` writes them."""
 EXAMPLES: tuple[Any, ...] = (
     NetworkConfig(inputs=3, layers=(4,), activation="tanh", outputs=2),
+    PretrainPlan(agent="oracle"),
     AnswerActionConfig(most=3),
     ArrivalsObservationConfig(most=3),
     Door(hinge=(0.0, 0.0), heading=0.0, width=1.0),
