@@ -17,6 +17,7 @@ from albot_agents.training.checkpoint import read_checkpoint
 from albot_agents.training.cloning import Cloner
 from albot_agents.training.demonstrations import Demonstrations, Lesson, read_demonstrations
 from albot_agents.training.plan_file import first_world, pretraining_settings, read_plan
+from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_agents.training.pretraining import Pretraining
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
@@ -68,7 +69,8 @@ def test_a_run_that_was_killed_while_it_cloned_goes_on_as_if_it_had_not_been(
     assert made.begins[:, 0].all()
 
     killed, plan = begun(tmp_path / "killed", **CHANGES, n_timesteps=16)
-    learn, demonstrate, rounds = Cloner.learn, Pretraining._demonstrate, []
+    learn, demonstrate = Cloner.learn, Pretraining._demonstrate
+    rounds: list[int] = []
 
     def stop(*arguments: Any) -> dict[str, float]:
         if len(rounds) == 2:
@@ -225,7 +227,7 @@ def test_what_cannot_be_learnt_from_is_told(
 
 def test_only_actor_critics_are_pretrained(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plans, "ALGORITHMS", (*plans.ALGORITHMS, "sac"))
-    pretrain = plans.PretrainPlan(agent="oracle")
+    pretrain = PretrainPlan(agent="oracle")
     plans.TrainingPlan(task=TASK, pretrain=pretrain)
     with pytest.raises(InputError, match="pretrain: expected null for sac"):
         plans.TrainingPlan(task=TASK, algorithm="sac", pretrain=pretrain)
