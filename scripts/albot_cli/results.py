@@ -117,7 +117,7 @@ def command(
     folder = ResultsFolder(out, version)
     rows = _rows(folder.protocol, tasks, agents, kinds, odometers, plans)
     folder.read()  # A damaged file raises before the work begins.
-    run = BenchmarkRun(folder, rows, episodes, plans)
+    run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
     stopped = _run(run, jobs or os.cpu_count() or 1)
     report = Report.of(folder)
     chosen = report.only({row.entrant.name for row in rows}) if agents else report

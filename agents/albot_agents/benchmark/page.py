@@ -104,7 +104,7 @@ def page_data(report: Report) -> dict[str, Any]:
 
 
 def _facts(facts: Mapping[str, Any], protocol: Protocol) -> dict[str, Any]:
-    return {**facts, "budget": protocol.budget(facts["samples"])}
+    return {**facts, "budget": protocol.budget(facts["asked"])}
 
 
 def _opening(report: Report) -> Iterator[str]:
@@ -162,8 +162,9 @@ def _agents_table(report: Report) -> Iterator[str]:
 
 
 def _odometers(report: Report) -> Iterator[str]:
-    others = report.protocol.odometers[1:]
-    if not any(row.cell.odometer in others for row in report.rows):
+    measured = {row.cell.odometer for row in report.rows}
+    others = [odometer for odometer in report.protocol.odometers[1:] if odometer in measured]
+    if not others:
         return
     yield "## Odometers"
     for odometer in others:
@@ -242,7 +243,7 @@ def _samples(report: Report, agent: str) -> str:
     facts = report.agents.get(agent)
     if facts is None:
         return "–"
-    budget = report.protocol.budget(facts["samples"])
+    budget = report.protocol.budget(facts["asked"])
     return "more" if budget is None else f"{budget / 1e6:g} M"
 
 

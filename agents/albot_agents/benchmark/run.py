@@ -128,10 +128,12 @@ class BenchmarkRun:
 
     def _check_task(self, rows: Sequence[Row]) -> None:
         """Check the settings of a task's rows, and that they are of the same episodes."""
+        reference = self._protocol.tasks[rows[0].task].reference
         trials = {}
-        for row in rows:
+        for row in sorted(rows, key=lambda row: row.entrant.name != reference):
             cell = row.cells[0]
-            trials[row.entrant.name] = self._trial(row, cell, self._keys(cell)[0])
+            first = self._protocol.keys(cell.task, cell.worlds)[0]
+            trials[row.entrant.name] = self._trial(row, cell, first)
             trials[row.entrant.name].make().close()
         check_same_episodes(trials)
 
