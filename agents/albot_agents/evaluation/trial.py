@@ -42,9 +42,29 @@ class Outcome:
     """The share of the ground covered after each metre of the path (`sample_curve`)."""
 
     @property
+    def agent(self) -> str:
+        """The agent's name."""
+        return self.trial.agent
+
+    @property
+    def world(self) -> str:
+        """The world's spec."""
+        return self.trial.world
+
+    @property
+    def seed(self) -> int:
+        """Seed of the episode."""
+        return self.trial.seed
+
+    @property
     def driven(self) -> float:
         """Length of the path (m)."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
+
+    @property
+    def coverage_auc(self) -> float | None:
+        """Mean share of ground covered over the first `HORIZON` metres; None if not measured."""
+        return area_under(self.coverage_curve) if len(self.coverage_curve) else None
 
 
 def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> Outcome:
