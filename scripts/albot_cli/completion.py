@@ -34,6 +34,11 @@ SCENES = ("ideal", "paper", "ambiguous")
 ROBOTS = ("pioneer-3dx", "kobuki", "peoplebot")
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """Kinds of random worlds."""
+BENCHMARK_WORLDS = (
+    "offices", "apartments", "mazes", "rings", "halls", "warehouses", "plans", "scene",
+)  # fmt: skip
+"""Kinds of worlds of the benchmark."""
+BENCHMARK_ODOMETERS = ("pioneer", "ideal", "poor")
 NONE = "none"
 """No mapper, or no sensor of a sort."""
 
@@ -105,6 +110,8 @@ experiment_names = complete(_experiments)
 world_names = complete(_worlds, files=True)
 kind_names = complete(lambda: KINDS)
 odometer_names = complete(lambda: ODOMETERS)
+benchmark_worlds = complete(lambda: BENCHMARK_WORLDS)
+benchmark_odometers = complete(lambda: BENCHMARK_ODOMETERS)
 laser_names = complete(lambda: (*LASERS, NONE))
 sonar_names = complete(lambda: (*SONARS, NONE))
 scene_names = complete(lambda: (*SCENES, NONE))

@@ -18,7 +18,9 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from albot_agents.evaluation.results_page import read_figures, render_page
+from albot_agents.benchmark.cell import Cell
+from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.page import Report, render_page
 from albot_agents.registry import find_agent
 from albot_agents.task import config_kind
 from albot_agents.trained.agent_file import read_agent
@@ -54,6 +56,7 @@ from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
+from tests.agents.benchmark.episodes import results as made_up
 from tests.agents.training.tiny import TASK, TINY, begun
 from tests.core.logs.conftest import WRITERS, make_drive
 from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
@@ -224,11 +227,33 @@ def _write_card(folder: Path) -> None:
     write_card(agent, "a", folder / "card.md", [figures])
 
 
-def _write_figures(folder: Path) -> None:
-    row = {"task": "T", "agent": "a", "odometer": "poor", "kind": "offices", "command": "albot",
-           "figure": "spl", "episodes": 3, "success_rate": 0.5, "ci95": [0.1, 0.9],
-           "spl": 0.5}  # fmt: skip
-    (folder / "results.json").write_text(json.dumps([row, row]))
+_CELL = Cell(task="Albot/Homing-v0", agent="a", mapper="none", odometer="poor", worlds="offices")
+
+
+def _write_results(folder: Path) -> None:
+    results = ResultsFolder(folder)
+    results.begin()
+    episodes = made_up(_CELL, 2)
+    shipped = read_agent(shipped_agents()["homing"])
+    results.write(episodes)
+    results.write_agent("a", shipped)
+    results.file(_CELL).rename(folder / "cell.jsonl")
+    (folder / "agents" / "a.json").rename(folder / "agent.json")
+    shutil.rmtree(folder / "agents")
+    shutil.rmtree(folder / "cells")
+
+
+def _read_results(folder: Path) -> None:
+    results = folder / "results"
+    shutil.rmtree(results, ignore_errors=True)
+    results.mkdir()
+    shutil.copy(folder / "benchmark.json", results)
+    cell = ResultsFolder(results).file(_CELL)
+    cell.parent.mkdir(parents=True)
+    shutil.copy(folder / "cell.jsonl", cell)
+    (results / "agents").mkdir()
+    shutil.copy(folder / "agent.json", results / "agents" / "a.json")
+    render_page(Report.of(ResultsFolder(results)))
 
 
 # Trainings.
@@ -269,9 +294,9 @@ READERS: tuple[Reader, ...] = (
     ),
     Reader(
         name="results",
-        functions=(read_figures,),
-        write=_write_figures,
-        read=lambda folder: render_page(read_figures(folder / "results.json")),
+        functions=(ResultsFolder,),
+        write=_write_results,
+        read=_read_results,
     ),
     one_file(
         "training plan", "a.yml", yaml.safe_dump(TINY), lambda path: read_plan(path), read_plan

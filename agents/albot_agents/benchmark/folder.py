@@ -21,6 +21,8 @@ from typing import Any
 import albot_env
 from albot_agents.benchmark.cell import Cell, EpisodeResult, read_episode
 from albot_agents.benchmark.protocol import LATEST, find_protocol, task_folder
+from albot_agents.trained.agent_file import AgentFile
+from albot_agents.training.plan_file import save_plan
 from albot_core.errors import InputError
 from albot_core.files import make_folder, read_text, write_text
 from albot_core.json_document import parse_json, read_json
@@ -29,10 +31,15 @@ from albot_core.yaml_document import dotted
 
 _MANIFEST = "benchmark.json"
 _CELLS = "cells"
+_AGENTS = "agents"
 _SUFFIX = ".jsonl"
 _HEADER = {
     "task": str, "agent": str, "mapper": str, "odometer": str, "worlds": str,
     "fingerprint": str | None, "protocol": int, "version": str,
+}  # fmt: skip
+_FACTS = {
+    "task": str, "fingerprint": str, "samples": int, "algorithm": str, "seed": int, "command": str,
+    "seconds": float,
 }  # fmt: skip
 
 
@@ -64,9 +71,13 @@ class ResultsFolder:
         self.path = path
         self.protocol = find_protocol(self._check(version))
 
+    @property
+    def _manifest(self) -> Path:
+        return self.path / _MANIFEST
+
     def _check(self, version: int | None) -> int:
         """Return the version of the protocol."""
-        manifest = self.path / _MANIFEST
+        manifest = self._manifest
         if not manifest.exists():
             if self.path.is_dir() and any(self.path.iterdir()):
                 expected = f"a new or an empty folder, or one with {_MANIFEST}"
@@ -82,35 +93,36 @@ class ResultsFolder:
         return protocol
 
     def begin(self) -> None:
-        """Make the folder, if it does not exist, and delete what a killed process left.
+        """Make the folder if it does not exist.
 
         Raises:
             InputError: It cannot be written.
         """
         make_folder(self.path)
-        facts = {"protocol": self.protocol.protocol, "version": albot_env.__version__}
-        write_text(self.path / _MANIFEST, json.dumps(facts, indent=1) + "\n")
-        for left in self.path.rglob(".*.*.*"):
-            left.unlink(missing_ok=True)
+        if not self._manifest.exists():
+            facts = {"protocol": self.protocol.protocol, "version": albot_env.__version__}
+            write_text(self._manifest, json.dumps(facts, indent=1) + "\n")
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes from writing into the folder, which has begun, during the block.
+        """Let no other process write into the folder, which has begun, during the block.
+
+        Delete what a killed process left.
 
         Raises:
             InputError: Another process writes into it.
         """
-        if sys.platform == "win32":
-            yield
-            return
-        import fcntl
+        with self._manifest.open("rb") as stream:
+            if sys.platform != "win32":
+                import fcntl
 
-        with (self.path / _MANIFEST).open("rb") as stream:
-            try:  # The lock ends with the process, however it ends.
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                expected = "a folder that no other process writes into"
-                raise InputError(self.path, expected, "one that does") from None
+                try:  # The lock ends with the process, however it ends.
+                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except OSError:
+                    expected = "a folder that no other process writes into"
+                    raise InputError(self.path, expected, "one that does") from None
+            for left in self.path.rglob(".*.*.*"):
+                left.unlink(missing_ok=True)
             yield
 
     def file(self, cell: Cell) -> Path:
@@ -153,11 +165,46 @@ class ResultsFolder:
         make_folder(file.parent)
         write_text(file, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
 
+    def add(self, cell: Cell, fingerprint: str | None, episodes: Sequence[EpisodeResult]) -> None:
+        """Add episodes to those of a cell.
+
+        Raises:
+            InputError: As `read` and `write`.
+            OSError: The disk is full.
+        """
+        before = self.read_cell(cell)
+        every = [*(() if before is None else before.episodes), *episodes]
+        self.write(CellResults(cell=cell, fingerprint=fingerprint, episodes=every))
+
+    def write_agent(self, name: str, file: AgentFile) -> None:
+        """Keep what reproduces a trained agent: facts of its training, and its plan.
+
+        Raises:
+            InputError: They cannot be written.
+        """
+        folder = self.path / _AGENTS
+        make_folder(folder)
+        training = file.training
+        facts = {"task": file.task, "fingerprint": file.fingerprint, "samples": training.samples}
+        facts |= {"algorithm": training.plan.algorithm, "seed": training.plan.seed}
+        facts |= {"command": training.command, "seconds": training.seconds}
+        save_plan(training.plan, folder / f"{name}.yml")
+        write_text(folder / f"{name}.json", json.dumps(facts, indent=1) + "\n")
+
+    def read_agents(self) -> dict[str, dict[str, Any]]:
+        """Return the facts of all trained agents, by name.
+
+        Raises:
+            InputError: A file is damaged.
+        """
+        files = sorted((self.path / _AGENTS).glob("*.json"))
+        return {file.stem: read_record(_FACTS, read_json(file), Location(file)) for file in files}
+
     def _keys(self, cell: Cell) -> list[tuple[str, int]]:
         return [(key.world, key.seed) for key in self.protocol.keys(cell.task, cell.worlds)]
 
     def _read_file(self, file: Path) -> CellResults:
-        first, *lines = read_text(file).splitlines() or [""]
+        first, *lines = read_text(file).removesuffix("\n").split("\n")
         where = Location(file)
         header = read_record(_HEADER, _line(file, 1, first), where)
         if header.pop("protocol") != self.protocol.protocol:

@@ -158,5 +158,5 @@ def test_what_a_killed_process_left_is_removed(folder: ResultsFolder) -> None:
     left = folder.file(cell()).parent / ".albot1-homing@albot1.jsonl.x8d0"
     left.write_text("half")
     assert len(folder.read()) == 1
-    folder.begin()
-    assert not left.exists()
+    with folder.locked():
+        assert not left.exists()

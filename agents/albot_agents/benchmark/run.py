@@ -1,0 +1,218 @@
+"""Run the episodes that a benchmark's folder lacks.
+
+Episodes in one world with one seed run one after another in the same process: where agents begin
+after a journey, they drive the same way, which is then found once (`outward_journey`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from albot_agents.benchmark.cell import Cell, EpisodeResult
+from albot_agents.benchmark.entrant import Entrant
+from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.protocol import EpisodeKey
+from albot_agents.evaluation.paired import check_same_episodes
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.trial import run_trial
+from albot_agents.workers import TaskRunner, run_parallel
+from albot_core.errors import InputError
+
+_MOST_TOGETHER = 9
+"""Largest number of episodes that run together, and are lost if the process is killed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """The cells of an entrant in a task."""
+
+    entrant: Entrant
+    """The entrant."""
+    task: str
+    """Id of the environment."""
+    odometers: tuple[str, ...]
+    """Presets of odometer noise."""
+    worlds: tuple[str, ...]
+    """Kinds of worlds."""
+
+    @property
+    def cells(self) -> list[Cell]:
+        """The cells, kind by kind."""
+        return [
+            self.entrant.cell(self.task, odometer, kind)
+            for kind in self.worlds
+            for odometer in self.odometers
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Group:
+    """Episodes in one world with one seed."""
+
+    key: EpisodeKey
+    """The world and the seed, as the protocol names them."""
+    cells: tuple[Cell, ...]
+    """The cells."""
+    trials: tuple[Trial, ...]
+    """The episode of each cell."""
+
+
+class BenchmarkRun:
+    """The episodes of some rows that a folder lacks.
+
+    Args:
+        folder: The folder.
+        rows: The rows.
+        episodes: Number of episodes of each cell, the first of the protocol's; None for all.
+        plans: The folder of the floor plans; None if no row needs it.
+
+    Raises:
+        InputError: Worlds are not the protocol's, an environment cannot be made, agents would meet
+            different episodes, or the folder holds other results of an agent of that name.
+    """
+
+    def __init__(
+        self,
+        folder: ResultsFolder,
+        rows: Sequence[Row],
+        episodes: int | None = None,
+        plans: Path | None = None,
+    ) -> None:
+        self._folder, self._rows, self._plans = folder, rows, plans
+        self._protocol = folder.protocol
+        self._limit = episodes
+        self._settings: dict[tuple[str, str, str], dict[str, Any]] = {}
+        self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
+        for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
+            self._protocol.check_worlds(kind, plans)
+        for task in dict.fromkeys(row.task for row in rows):
+            self._check_task([row for row in rows if row.task == task])
+        self._done = {cell: self._find_done(cell) for row in rows for cell in row.cells}
+
+    @property
+    def missing(self) -> int:
+        """Number of episodes that the folder lacks."""
+        return sum(len(group.cells) for group in self._groups())
+
+    def run(self, jobs: int, on_done: Callable[[int], None] = lambda _: None) -> None:
+        """Run the missing episodes, and keep each as soon as it is over.
+
+        All cells grow evenly, so that a table of a run that was stopped has figures everywhere.
+
+        Args:
+            jobs: Number of processes.
+            on_done: Called with the number of episodes done by this run.
+
+        Raises:
+            InputError: Another process writes into the folder, or it cannot be written.
+        """
+        self._folder.begin()
+        with self._folder.locked():
+            self._keep_agents()
+            results = run_parallel(_GroupRunner(), self._groups(), jobs)
+            done = 0
+            with closing(results):
+                for result in results:
+                    if isinstance(result, InputError):
+                        raise result
+                    for cell, episode in result:
+                        self._folder.add(cell, self._fingerprints[cell.agent], [episode])
+                        self._done[cell].add((episode.world, episode.seed))
+                    done += len(result)
+                    on_done(done)
+
+    def _check_task(self, rows: Sequence[Row]) -> None:
+        """Check the settings of a task's rows, and that they are of the same episodes."""
+        trials = {}
+        for row in rows:
+            cell = row.cells[0]
+            trials[row.entrant.name] = self._trial(row, cell, self._keys(cell)[0])
+            trials[row.entrant.name].make().close()
+        check_same_episodes(trials)
+
+    def _find_done(self, cell: Cell) -> set[tuple[str, int]]:
+        """Return world and seed of each episode that the folder has."""
+        found = self._folder.read_cell(cell)
+        if found is None:
+            return set()
+        if found.fingerprint != self._fingerprints[cell.agent]:
+            expected = f"results of the same agent {cell.agent}; remove its files to measure anew"
+            raise InputError(self._folder.file(cell), expected, "those of another of that name")
+        return {(one.world, one.seed) for one in found.episodes}
+
+    def _keep_agents(self) -> None:
+        for entrant in {row.entrant.name: row.entrant for row in self._rows}.values():
+            if entrant.entry.file is not None:
+                self._folder.write_agent(entrant.name, entrant.entry.file)
+
+    def _keys(self, cell: Cell) -> list[EpisodeKey]:
+        return self._protocol.keys(cell.task, cell.worlds)[: self._limit]
+
+    def _groups(self) -> Iterator[_Group]:
+        """Yield what is missing: the first episode of every cell, then the second, and so on."""
+        kinds: dict[tuple[str, str], list[tuple[Row, Cell]]] = {}
+        for row in self._rows:
+            for cell in row.cells:
+                kinds.setdefault((row.task, cell.worlds), []).append((row, cell))
+        keys = {kind: self._keys(members[0][1]) for kind, members in kinds.items()}
+        for number in range(max(map(len, keys.values()), default=0)):
+            for kind, members in kinds.items():
+                for key in keys[kind][number : number + 1]:
+                    yield from self._group(key, members)
+
+    def _group(self, key: EpisodeKey, members: Sequence[tuple[Row, Cell]]) -> Iterator[_Group]:
+        wanted = (key.world, key.seed)
+        missing = ((row, cell) for row, cell in members if wanted not in self._done[cell])
+        while some := list(islice(missing, _MOST_TOGETHER)):
+            trials = tuple(self._trial(row, cell, key) for row, cell in some)
+            yield _Group(key=key, cells=tuple(cell for _, cell in some), trials=trials)
+
+    def _trial(self, row: Row, cell: Cell, key: EpisodeKey) -> Trial:
+        """Return an episode of a cell."""
+        same = (row.entrant.name, row.task, cell.odometer)
+        if same not in self._settings:
+            self._settings[same] = row.entrant.environment(self._protocol, row.task, cell.odometer)
+        world = key.world
+        if self._protocol.worlds[cell.worlds].files is not None:
+            assert self._plans is not None, "check_worlds has refused it"
+            world = str(self._plans / key.world)
+        return Trial(
+            task=row.task,
+            agent=row.entrant.source,
+            world=world,
+            seed=key.seed,
+            settings=self._settings[same],
+        )
+
+
+Kept = list[tuple[Cell, EpisodeResult]]
+"""Episodes and their cells."""
+
+
+class _GroupRunner(TaskRunner[_Group, "Kept | InputError"]):
+    """Runs the episodes of a group; an InputError is returned as the result."""
+
+    def run(self, task: _Group, on_step: Callable[[int], None]) -> Kept | InputError:
+        """Run the episodes one after another."""
+        kept: Kept = []
+        for cell, trial in zip(task.cells, task.trials, strict=True):
+            try:
+                outcome = run_trial(trial, on_step)
+            except InputError as error:
+                return error
+            kept.append((cell, EpisodeResult.of(outcome, cell.agent, task.key.world)))
+        return kept
+
+    def on_crash(self, task: _Group, step: int, cause: str) -> Kept | InputError:
+        """Raise RuntimeError: the process died, which is a bug.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        where = f"{task.trials[0].task} in {task.key.world}, seed {task.key.seed}, step {step}"
+        raise RuntimeError(f"{where}: {cause}")
