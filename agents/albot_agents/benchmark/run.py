@@ -86,7 +86,7 @@ class BenchmarkRun:
         self._folder, self._rows, self._plans = folder, rows, plans
         self._protocol = folder.protocol
         self._limit = episodes
-        self._settings: dict[tuple[str, str, str], dict[str, Any]] = {}
+        self._settings: dict[tuple[str, str, str, str], dict[str, Any]] = {}
         self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
         for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
             self._protocol.check_worlds(kind, plans)
@@ -131,8 +131,9 @@ class BenchmarkRun:
         trials = {}
         for row in rows:
             cell = row.cells[0]
-            trials[row.entrant.name] = self._trial(row, cell, self._keys(cell)[0])
-            trials[row.entrant.name].make().close()
+            trial = self._trial(row, cell, self._keys(cell)[0])
+            trial.make().close()
+            trials[f"{cell.agent} with {cell.mapper}"] = trial
         check_same_episodes(trials)
 
     def _find_done(self, cell: Cell) -> set[tuple[str, int]]:
@@ -174,7 +175,7 @@ class BenchmarkRun:
 
     def _trial(self, row: Row, cell: Cell, key: EpisodeKey) -> Trial:
         """Return an episode of a cell."""
-        same = (row.entrant.name, row.task, cell.odometer)
+        same = (cell.agent, cell.mapper, cell.task, cell.odometer)
         if same not in self._settings:
             self._settings[same] = row.entrant.environment(self._protocol, row.task, cell.odometer)
         world = key.world

@@ -66,7 +66,10 @@ def test_a_weight_is_a_repetition() -> None:
     assert weighted.intercept == pytest.approx(repeated.intercept, abs=1e-6)
 
 
-def test_the_bootstrap_draws_whole_clusters_about_the_truth() -> None:
+def test_the_bootstrap_draws_whole_clusters_about_the_truth(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("albot_core.evaluation.logistic._RESAMPLES", 200)
     rng = np.random.default_rng(7)
     truth = Logistic(intercept=1.0, slope=-3.0)
     x = rng.uniform(-1, 1.5, 400)
@@ -78,7 +81,7 @@ def test_the_bootstrap_draws_whole_clusters_about_the_truth() -> None:
     twice = np.tile(x, 2), np.tile(success, 2), [*range(400), *range(400)]
     again = [fit.x_at(0.5) for fit in bootstrap_logistic(*twice, np.random.default_rng(7))]
     wide = np.diff(np.quantile(again, (0.025, 0.975)))[0]
-    assert wide == pytest.approx(high - low, rel=0.2)
+    assert wide == pytest.approx(high - low, rel=0.3)
 
 
 def test_a_curve_needs_two_points() -> None:
