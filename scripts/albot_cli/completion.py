@@ -102,6 +102,7 @@ def _worlds() -> Iterable[str]:
 mapper_names = complete(_mappers)
 mapper_list = complete(_mappers, comma=True)
 robots_mapper_names = complete(lambda: (*_mappers(), NONE))
+compared_mapper_names = complete(lambda: (*_mappers(), NONE, "all"))
 agent_names = complete(lambda: AGENTS, files=True)
 played_agent_names = complete(lambda: (*AGENTS, "keyboard"), files=True)
 task_names = complete(_tasks)

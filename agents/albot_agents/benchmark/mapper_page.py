@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from albot_agents.benchmark.homing_curve import HomingCurve
-from albot_agents.benchmark.mappers import MapperRow
+from albot_agents.benchmark.folder import CellResults
+from albot_agents.benchmark.homing_curve import HomingCurve, fit_curve
+from albot_agents.benchmark.mappers import MapperRow, make_mapper_table
+from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.table import Estimate
 from albot_env.tasks.core.settings import NO_MAPPER
 from albot_env.tasks.homing_by_map.task import HomingByMapConfig
@@ -37,6 +40,18 @@ class MapperReport:
     """The curve of each driver that has one."""
     costs: Mapping[str, float]
     """Cost a reading of mappers, in costs of `odometry`."""
+
+    @classmethod
+    def of(
+        cls, results: Iterable[CellResults], protocol: Protocol, costs: Mapping[str, float]
+    ) -> MapperReport:
+        """Return the report of results, given the costs of mappers."""
+        results = list(results)
+        rows = make_mapper_table(results, protocol)
+        drivers = dict.fromkeys(row.driver for row in rows)
+        fits = {driver: fit_curve(results, driver) for driver in drivers}
+        curves = {driver: fit for driver, fit in fits.items() if fit is not None}
+        return cls(rows=rows, curves=curves, costs=costs)
 
     @property
     def drivers(self) -> list[str]:
@@ -128,6 +143,27 @@ def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator
             yield f"Driver `{driver}`, odometer `{odometer}`:"
             yield ""
             yield from _table([row for row in rows if row.odometer == odometer], report.costs)
+
+
+def mapper_data(report: MapperReport) -> dict[str, Any]:
+    """Return what the section shows as plain data, for programs."""
+    return {
+        "sentences": sentences(report),
+        "rows": [asdict(row) for row in report.rows],
+        "costs": dict(report.costs),
+        "curves": {
+            driver: {
+                "intercept": curve.fit.intercept,
+                "slope": curve.fit.slope,
+                "levels": {f"{level:g}": asdict(found) for level, found in curve.levels.items()},
+                "bins": [asdict(some) for some in curve.bins],
+                "episodes": len(curve.errors),
+                "failures": curve.failures,
+                "lost": curve.lost,
+            }
+            for driver, curve in report.curves.items()
+        },
+    }
 
 
 def _table(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[str]:
