@@ -134,7 +134,7 @@ def command(
     else:
         rows = _rows(folder.protocol, tasks, agents, kinds, odometers, plans)
     folder.read()  # A damaged file raises before the work begins.
-    run = BenchmarkRun(folder, rows, episodes, plans)
+    run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
     stopped = _run(run, jobs or os.cpu_count() or 1)
     if mappers and not stopped and episodes != 0:
         stopped = measure_costs(out, [row.entrant.mapper for row in rows])

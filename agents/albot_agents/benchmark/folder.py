@@ -38,8 +38,8 @@ _HEADER = {
     "fingerprint": str | None, "protocol": int, "version": str,
 }  # fmt: skip
 _FACTS = {
-    "task": str, "fingerprint": str, "samples": int, "algorithm": str, "seed": int, "command": str,
-    "seconds": float,
+    "task": str, "fingerprint": str, "samples": int, "asked": int, "algorithm": str, "seed": int,
+    "command": str, "seconds": float,
 }  # fmt: skip
 
 
@@ -186,9 +186,10 @@ class ResultsFolder:
         make_folder(folder)
         training = file.training
         facts = {"task": file.task, "fingerprint": file.fingerprint, "samples": training.samples}
-        facts |= {"algorithm": training.plan.algorithm, "seed": training.plan.seed}
+        plan = training.plan
+        facts |= {"asked": plan.n_timesteps, "algorithm": plan.algorithm, "seed": plan.seed}
         facts |= {"command": training.command, "seconds": training.seconds}
-        save_plan(training.plan, folder / f"{name}.yml")
+        save_plan(plan, folder / f"{name}.yml")
         write_text(folder / f"{name}.json", json.dumps(facts, indent=1) + "\n")
 
     def read_agents(self) -> dict[str, dict[str, Any]]:

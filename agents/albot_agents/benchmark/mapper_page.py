@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from albot_agents.benchmark.folder import CellResults
@@ -34,11 +34,11 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
 class MapperReport:
     """What the section is made of."""
 
-    rows: Sequence[MapperRow]
+    rows: Sequence[MapperRow] = ()
     """The figures of all mappers (`make_mapper_table`)."""
-    curves: Mapping[str, HomingCurve]
+    curves: Mapping[str, HomingCurve] = field(default_factory=dict)
     """The curve of each driver that has one."""
-    costs: Mapping[str, float]
+    costs: Mapping[str, float] = field(default_factory=dict)
     """Cost a reading of mappers, in costs of `odometry`."""
 
     @classmethod

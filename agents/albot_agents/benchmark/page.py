@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import albot_env
@@ -29,7 +29,7 @@ class Report:
     """The figures of all cells, in order."""
     agents: Mapping[str, Mapping[str, Any]]
     """Facts of the trained agents, by name (`ResultsFolder.read_agents`)."""
-    mappers: MapperReport
+    mappers: MapperReport = field(default_factory=MapperReport)
     """The comparison of mappers."""
     picture: str | None = None
     """Path of its picture, relative to the page; None without one."""
@@ -118,7 +118,7 @@ def page_data(report: Report) -> dict[str, Any]:
 
 
 def _facts(facts: Mapping[str, Any], protocol: Protocol) -> dict[str, Any]:
-    return {**facts, "budget": protocol.budget(facts["samples"])}
+    return {**facts, "budget": protocol.budget(facts["asked"])}
 
 
 def _opening(report: Report) -> Iterator[str]:
@@ -180,8 +180,9 @@ def _mappers(report: Report) -> Iterator[str]:
 
 
 def _odometers(report: Report) -> Iterator[str]:
-    others = report.protocol.odometers[1:]
-    if not any(row.cell.odometer in others for row in report.rows):
+    measured = {row.cell.odometer for row in report.rows}
+    others = [odometer for odometer in report.protocol.odometers[1:] if odometer in measured]
+    if not others:
         return
     yield "## Odometers"
     for odometer in others:
@@ -260,7 +261,7 @@ def _samples(report: Report, agent: str) -> str:
     facts = report.agents.get(agent)
     if facts is None:
         return "–"
-    budget = report.protocol.budget(facts["samples"])
+    budget = report.protocol.budget(facts["asked"])
     return "more" if budget is None else f"{budget / 1e6:g} M"
 
 

@@ -109,8 +109,9 @@ class Protocol:
     odometers: tuple[str, ...]
     """Presets of odometer noise; the first is the one of the first table."""
     budgets: tuple[int, ...]
-    """Samples that a training may use, in ascending order. A trained agent is filed under the
-    smallest budget that its samples do not exceed."""
+    """Samples of a training, in ascending order. A trained agent is filed under the smallest one
+    that its plan does not exceed (`n_timesteps`): a training ends with a whole rollout, a little
+    later, and the agent that is kept may be from before its end."""
     worlds: Mapping[str, WorldKind]
     """The kinds of worlds."""
     tasks: Mapping[str, TaskProtocol]
@@ -144,7 +145,7 @@ class Protocol:
         return [EpisodeKey(world=seeded(worlds.spec, seed), seed=seed) for seed in seeds]
 
     def budget(self, samples: int) -> int | None:
-        """Return the budget of a training with so many samples; None if it exceeds all."""
+        """Return the budget of a plan with so many samples; None if it exceeds all."""
         return next((budget for budget in self.budgets if samples <= budget), None)
 
     def check_worlds(self, kind: str, plans: Path | None) -> None:

@@ -128,12 +128,14 @@ class BenchmarkRun:
 
     def _check_task(self, rows: Sequence[Row]) -> None:
         """Check the settings of a task's rows, and that they are of the same episodes."""
+        reference = self._protocol.tasks[rows[0].task].reference
         trials = {}
-        for row in rows:
+        for row in sorted(rows, key=lambda row: row.entrant.name != reference):
             cell = row.cells[0]
-            trial = self._trial(row, cell, self._keys(cell)[0])
+            trial = self._trial(row, cell, self._protocol.keys(cell.task, cell.worlds)[0])
             trial.make().close()
-            trials[f"{cell.agent} with {cell.mapper}"] = trial
+            is_own = cell.mapper == row.entrant.entry.mapper
+            trials[cell.agent if is_own else f"{cell.agent} with {cell.mapper}"] = trial
         check_same_episodes(trials)
 
     def _find_done(self, cell: Cell) -> set[tuple[str, int]]:

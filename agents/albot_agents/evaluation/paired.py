@@ -27,7 +27,7 @@ _OWN_SETTINGS = (
     "threads", "config",
 )  # fmt: skip
 """Settings in which agents may differ; `config` in `_OWN_CONFIG`."""
-_OWN_CONFIG = ("actions", "claims", "observations", "weights")
+_OWN_CONFIG = ("actions", "claims", "hints", "observations", "weights")
 """Fields of a task's configuration in which agents may differ, but for the coverage's size."""
 _COVERAGE = ("radius", "cell", "spacing", "turn")
 """What decides which ground counts as covered."""

@@ -193,7 +193,7 @@ def test_the_section_has_a_table_an_odometer(measured: list[CellResults]) -> Non
     assert row.endswith("| +1.50 (+1.50 to +1.50) | 75.0% (75.0%–75.0%) | 75% (75%–75%) "
                         "| 90.0% (90.0%–90.0%) | 75% (75%–75%) | 2 | 10 |")  # fmt: skip
     assert next(line for line in lines if line.startswith("| `ratslam`")).endswith("| – | 10 |")
-    assert list(mapper_section(MapperReport(rows=[], curves={}, costs={}))) == []
+    assert list(mapper_section(MapperReport())) == []
 
 
 def _first(line: Line2D) -> tuple[float, float]:
