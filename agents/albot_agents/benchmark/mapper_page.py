@@ -77,14 +77,13 @@ def sentences(report: MapperReport) -> list[str]:
 
 def _need(driver: str, curve: HomingCurve) -> str:
     """Return how far off home may be believed."""
-    parts = [
-        f"{error.value:.2g} m ({error.ci95[0]:.2g} to {error.ci95[1]:.2g} m) in {level:.0%}"
+    (level, first), *others = (
+        (f"{level:.0%}", f"{error.value:.2g} m ({error.ci95[0]:.2g} to {error.ci95[1]:.2g} m)")
         for level, error in curve.levels.items()
-    ]
-    return (
-        f"When the return begins, home may be believed off by {', and by '.join(parts)} of the "
-        f"episodes, and `{driver}` still comes home."
     )
+    text = f"When home is believed {first} off as the return begins, `{driver}` comes home in "
+    text += f"{level} of the episodes"
+    return "".join([text, *(f", and in {some} when it is {off} off" for some, off in others), "."])
 
 
 def _reached(report: MapperReport, driver: str) -> str:

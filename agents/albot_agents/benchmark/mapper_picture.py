@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
 
 from albot_agents.benchmark.homing_curve import HomingCurve
 from albot_agents.benchmark.mappers import MapperRow
 from albot_agents.benchmark.table import Estimate
 from albot_core.drawing.palette import FAINT, RULE, SERIES, TEXT
+from albot_env.tasks.homing_by_map.task import HomingByMapConfig
 
 _MARKERS = "os^DvP"
 """Markers of the odometers."""
@@ -67,12 +70,14 @@ def _draw_errors(axes: Axes, rows: Sequence[MapperRow], curve: HomingCurve) -> N
     axes.plot(10**x, curve.fit.probability(x), color=TEXT, lw=1.5, zorder=2)
     for some in curve.bins:
         rate = some.success
-        axes.errorbar(some.error, rate.value, _spread(rate), fmt="_", ms=14, color=TEXT, lw=1.0)
+        axes.errorbar(some.error, rate.value, _spread(rate), fmt="_", ms=14, color=TEXT, lw=2.0)
+    radius = HomingByMapConfig().radius
+    axes.axvline(radius, color=FAINT, lw=1.0, ls="--", zorder=1)
     for row in rows:
         error = row.figures.get("home_error_begin")
         if error is not None:
             _draw_point(axes, rows, row, error)
-    axes.set_xscale("log")
+    _use_log_scale(axes)
     axes.set_xlabel("error of home when the return begins, median (m)")
 
 
@@ -89,21 +94,27 @@ def _draw_costs(axes: Axes, rows: Sequence[MapperRow], costs: Mapping[str, float
     for row in rows:
         if (cost := costs.get(row.mapper)) is not None:
             _draw_point(axes, rows, row, Estimate(value=cost, ci95=(cost, cost)))
-    axes.set_xscale("log")
+    _use_log_scale(axes)
     axes.set_xlabel("cost a reading, in those of odometry")
 
 
+def _use_log_scale(axes: Axes) -> None:
+    """Make the horizontal axis logarithmic, with plain numbers."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:g}"))
+
+
 def _draw_point(axes: Axes, rows: Sequence[MapperRow], row: MapperRow, x: Estimate) -> None:
-    success = row.figures["success_rate"]
+    success, style = row.figures["success_rate"], _style(rows, row.mapper, row.odometer)
     axes.errorbar(
         x.value,
         success.value,
         _spread(success),
         _spread(x),
+        ecolor=to_rgba(style["color"], 0.4),
         elinewidth=0.7,
-        alpha=0.9,
         zorder=4,
-        **_style(rows, row.mapper, row.odometer),
+        **style,
     )
 
 
@@ -146,5 +157,7 @@ def _legend(rows: Sequence[MapperRow]) -> list[Line2D]:
             Line2D([], [], color=TEXT, marker=marker, ls="none", label=f"odometer {odometer}")
         )
     handles.append(Line2D([], [], color=TEXT, lw=1.5, label="fit to all episodes"))
-    handles.append(Line2D([], [], color=TEXT, marker="_", ms=14, ls="none", label="bins of them"))
+    bins: dict[str, Any] = {"marker": "_", "ms": 14, "mew": 2.0, "ls": "none"}
+    handles.append(Line2D([], [], color=TEXT, label="episodes by their errors", **bins))
+    handles.append(Line2D([], [], color=FAINT, ls="--", lw=1.0, label="radius of home"))
     return handles

@@ -165,9 +165,14 @@ def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> 
     report = _report(measured, albot1=2.04, odometry=1.0)
     curve = report.curves["map-homing"]
     need, reached, failed = sentences(report)
-    half = curve.levels[0.5]
-    low, high = half.ci95
-    assert f"{half.value:.2g} m ({low:.2g} to {high:.2g} m) in 50% of the episodes" in need
+    most, half = (
+        f"{error.value:.2g} m ({error.ci95[0]:.2g} to {error.ci95[1]:.2g} m) off"
+        for error in (curve.levels[0.9], curve.levels[0.5])
+    )
+    assert need == (
+        f"When home is believed {most} as the return begins, `map-homing` comes home in 90% of the "
+        f"episodes, and in 50% when it is {half}."
+    )
     assert reached == (
         "With the odometer `pioneer`, 1 of 3 mappers bring it home in 90% or more (`albot1`; "
         "`albot1` is the cheapest of them, at 2 times the cost of `odometry`), and no mapper in 0%."
