@@ -17,6 +17,7 @@ from albot_agents.scripted.exploring import (
     RatSlamExplorer,
     RoundTripAgent,
 )
+from albot_agents.scripted.followers import HintFollower, HomeVectorFollower
 from albot_agents.scripted.homing import (
     Albot0Homing,
     Albot1Homing,
@@ -27,7 +28,7 @@ from albot_agents.scripted.homing import (
     RatSlamHoming,
 )
 from albot_agents.scripted.patch_homing import PatchHoming
-from albot_agents.scripted.place_judge import PlaceJudge
+from albot_agents.scripted.place_judge import DecisionStump, PlaceJudge
 from albot_agents.task import config_kind, is_probe, untwinned
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -35,7 +36,12 @@ from albot_core.errors import InputError, did_you_mean
 from albot_core.files import exists
 from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.actions import ActionConfig
-from albot_env.tasks.core.observation import BY_MAP_PARTS, DEFAULT_PARTS, ObservationConfig
+from albot_env.tasks.core.observation import (
+    BY_MAP_PARTS,
+    DEFAULT_PARTS,
+    HOMING_PARTS,
+    ObservationConfig,
+)
 from albot_env.tasks.core.parts.beliefs import CONFIDENCE, PLACE, WAY
 from albot_env.tasks.core.parts.matches import MATCHES
 
@@ -149,11 +155,29 @@ AGENTS = {
         tasks=(HOMING, BY_MAP),
         mapper="association",
     ),
+    DecisionStump.name: AgentEntry(
+        summary="Judges which place it has seen before by one feature over a threshold.",
+        make=DecisionStump,
+        tasks=(PLACES,),
+    ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; reports places known to its mapper.",
         make=GapExplorerAgent,
         uses=_DRIVING,
         tasks=(EXPLORE,),
+    ),
+    HintFollower.name: AgentEntry(
+        summary="Drives straight to the planner's hint, and turns away from what is near.",
+        make=HintFollower,
+        parts=HOMING_PARTS,
+        uses=HintFollower.PARTS,
+        tasks=(HOMING,),
+    ),
+    HomeVectorFollower.name: AgentEntry(
+        summary="Drives straight to where home is believed, and turns away from what is near.",
+        make=HomeVectorFollower,
+        uses=HomeVectorFollower.PARTS,
+        tasks=(HOMING, BY_MAP),
     ),
     MapHoming.name: AgentEntry(
         summary="Drives home by the route that its mapper gives, with any mapper.",

@@ -18,10 +18,11 @@ from click.shell_completion import CompletionItem
 Completer: TypeAlias = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
 AGENTS = (
-    "albot0-homing", "albot1-homing", "association-explorer", "association-homing", "exploring",
-    "gap-explorer", "homing", "homing-blind", "homing-mapless", "map-homing", "nearest-frontier",
-    "oracle", "patch-homing", "path-integration", "place-judge", "place-recognition", "random",
-    "ratslam-explorer", "ratslam-homing", "round-trip",
+    "albot0-homing", "albot1-homing", "association-explorer", "association-homing",
+    "decision-stump", "exploring", "gap-explorer", "hint-follower", "home-vector", "homing",
+    "homing-blind", "homing-mapless", "map-homing", "nearest-frontier", "oracle", "patch-homing",
+    "path-integration", "place-judge", "place-recognition", "random", "ratslam-explorer",
+    "ratslam-homing", "round-trip",
 )  # fmt: skip
 ODOMETERS = (
     "ideal", "pioneer", "poor", "carpet", "stage", "albot1-disturbed", "bias-1.5", "bias-3",
@@ -101,6 +102,7 @@ def _worlds() -> Iterable[str]:
 mapper_names = complete(_mappers)
 mapper_list = complete(_mappers, comma=True)
 robots_mapper_names = complete(lambda: (*_mappers(), NONE))
+compared_mapper_names = complete(lambda: (*_mappers(), NONE, "all"))
 agent_names = complete(lambda: AGENTS, files=True)
 played_agent_names = complete(lambda: (*AGENTS, "keyboard"), files=True)
 task_names = complete(_tasks)

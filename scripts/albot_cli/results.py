@@ -12,6 +12,7 @@ import click
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
+from albot_cli.mapper_results import EVERY, draw_mappers, measure_costs, rows_of_mappers
 from albot_cli.outputs import JSON, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -57,6 +58,15 @@ _PAGE = "results.md"
     "was trained for, or in --task.",
 )
 @click.option(
+    "--mapper",
+    "mappers",
+    multiple=True,
+    metavar="NAME",
+    shell_complete=completion.compared_mapper_names,
+    help="Compare mappers: run this one under map-homing, gap-explorer and place-judge, or under "
+    f"--agent; `{EVERY}` for none and all that are installed; repeatable.",
+)
+@click.option(
     "--worlds",
     "kinds",
     multiple=True,
@@ -94,6 +104,7 @@ def command(
     version: int | None,
     tasks: tuple[str, ...],
     agents: tuple[str, ...],
+    mappers: tuple[str, ...],
     kinds: tuple[str, ...],
     odometers: tuple[str, ...],
     episodes: int | None,
@@ -111,22 +122,34 @@ def command(
     from albot_agents.benchmark.folder import ResultsFolder
     from albot_agents.benchmark.page import Report, page_data, render_lines, render_page
     from albot_agents.benchmark.run import BenchmarkRun
+    from albot_agents.task import find_task
 
     page = out / _PAGE if page is None else page
     _check_outputs(out, page)
     folder = ResultsFolder(out, version)
-    rows = _rows(folder.protocol, tasks, agents, kinds, odometers, plans)
+    if mappers:
+        named = tuple(map(find_task, tasks))
+        _check_names("--odometer", odometers, folder.protocol.odometers)
+        rows = rows_of_mappers(folder.protocol, mappers, named, agents, kinds, odometers)
+    else:
+        rows = _rows(folder.protocol, tasks, agents, kinds, odometers, plans)
     folder.read()  # A damaged file raises before the work begins.
     run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
     stopped = _run(run, jobs or os.cpu_count() or 1)
+    if mappers and not stopped and episodes != 0:
+        stopped = measure_costs(out, [row.entrant.mapper for row in rows])
     report = Report.of(folder)
-    chosen = report.only({row.entrant.name for row in rows}) if agents else report
     with interrupts_deferred():
+        report = draw_mappers(report, page)
+        chosen = report.only({row.entrant.name for row in rows}) if agents else report
         figures = page.with_suffix(".json")
         write_text(figures, json.dumps(page_data(report), indent=1) + "\n")
         write_text(page, render_page(report))
     facts: dict[str, Any] = {"protocol": folder.protocol.protocol, "missing": run.missing}
-    facts |= {"stopped": stopped, "files": {"page": str(page), "figures": str(figures)}}
+    files = {"page": str(page), "figures": str(figures)}
+    if report.picture is not None:
+        files["picture"] = str(page.with_name(report.picture))
+    facts |= {"stopped": stopped, "files": files}
     if as_json:
         click.echo(json.dumps(facts | {"rows": page_data(chosen)["rows"]}))
     else:

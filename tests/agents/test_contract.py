@@ -15,7 +15,7 @@ from albot_agents.task import config_kind
 from albot_core.errors import InputError
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
 
-JUDGES = {"place-judge", "place-recognition"}
+JUDGES = {"decision-stump", "place-judge", "place-recognition"}
 """Those who judge places and drive nothing."""
 DRIVERS = [
     (name, task)
@@ -128,7 +128,10 @@ def test_the_agents_are_these() -> None:
         "albot1-homing",
         "association-explorer",
         "association-homing",
+        "decision-stump",
         "gap-explorer",
+        "hint-follower",
+        "home-vector",
         "map-homing",
         "nearest-frontier",
         "oracle",
@@ -185,7 +188,8 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
         (
             "gap-explorer",
             "Albot/Homing-v0",
-            "albot0-homing, albot1-homing, association-homing, map-homing, oracle, ",
+            "albot0-homing, albot1-homing, association-homing, hint-follower, home-vector, "
+            "map-homing, oracle, ",
         ),
         ("nearest-frontier", "Albot/ExploreAndHome-v1", "random, round-trip"),
         # At the start they are at home, and stay.

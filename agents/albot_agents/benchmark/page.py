@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import albot_env
 from albot_agents.benchmark.cell import Cell
+from albot_agents.benchmark.costs import read_costs
 from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.mapper_page import MapperReport, mapper_data, mapper_section
+from albot_agents.benchmark.mappers import has_own_mapper
 from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.table import FIGURES, Estimate, TableRow, make_table
 from albot_agents.evaluation import paired
@@ -27,6 +30,10 @@ class Report:
     """The figures of all cells, in order."""
     agents: Mapping[str, Mapping[str, Any]]
     """Facts of the trained agents, by name (`ResultsFolder.read_agents`)."""
+    mappers: MapperReport = field(default_factory=MapperReport)
+    """The comparison of mappers."""
+    picture: str | None = None
+    """Path of its picture, relative to the page; None without one."""
 
     @classmethod
     def of(cls, folder: ResultsFolder) -> Report:
@@ -35,8 +42,14 @@ class Report:
         Raises:
             InputError: A file is damaged, or two agents began the same episode at different poses.
         """
-        rows = make_table(folder.read(), folder.protocol)
-        return cls(protocol=folder.protocol, rows=rows, agents=folder.read_agents())
+        results, protocol = folder.read(), folder.protocol
+        own = [found for found in results if has_own_mapper(found.cell)]
+        return cls(
+            protocol=protocol,
+            rows=make_table(own, protocol),
+            agents=folder.read_agents(),
+            mappers=MapperReport.of(results, protocol, read_costs(folder.path)),
+        )
 
     def only(self, agents: Collection[str]) -> Report:
         """Return the report of some agents."""
@@ -103,6 +116,7 @@ def page_data(report: Report) -> dict[str, Any]:
         "version": albot_env.__version__,
         "agents": {name: _facts(facts, report.protocol) for name, facts in report.agents.items()},
         "rows": rows,
+        "mappers": mapper_data(report.mappers),
     }
 
 
@@ -176,6 +190,10 @@ def _agents_table(report: Report) -> Iterator[str]:
     others = "; others are [below](#odometers)" if _other_odometers(report) else ""
     yield f"With the odometer `{first}`{others}. A row is an agent, with its mapper in brackets."
     yield from _short_tables(report, first)
+
+
+def _mappers(report: Report) -> Iterator[str]:
+    yield from mapper_section(report.mappers, report.picture)
 
 
 def _other_odometers(report: Report) -> list[str]:
@@ -342,5 +360,7 @@ def _trained(report: Report) -> Iterator[str]:
         yield f"| {' | '.join(cells)} |"
 
 
-SECTIONS: tuple[Section, ...] = (_opening, _agents_table, _odometers, _trained, _details)
+SECTIONS: tuple[Section, ...] = (
+    _opening, _agents_table, _mappers, _odometers, _trained, _details,
+)  # fmt: skip
 """The sections of the page, in order."""

@@ -87,7 +87,7 @@ class BenchmarkRun:
         self._folder, self._rows, self._plans = folder, rows, plans
         self._protocol = folder.protocol
         self._limit = episodes
-        self._settings: dict[tuple[str, str, str], dict[str, Any]] = {}
+        self._settings: dict[tuple[str, str, str, str], dict[str, Any]] = {}
         self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
         for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
             self._protocol.check_worlds(kind, plans)
@@ -133,9 +133,10 @@ class BenchmarkRun:
         trials = {}
         for row in sorted(rows, key=lambda row: row.entrant.name != reference):
             cell = row.cells[0]
-            first = self._protocol.keys(cell.task, cell.worlds)[0]
-            trials[row.entrant.name] = self._trial(row, cell, first)
-            trials[row.entrant.name].make().close()
+            trial = self._trial(row, cell, self._protocol.keys(cell.task, cell.worlds)[0])
+            trial.make().close()
+            is_own = cell.mapper == row.entrant.entry.mapper
+            trials[cell.agent if is_own else f"{cell.agent} with {cell.mapper}"] = trial
         check_same_episodes(trials)
 
     def _find_done(self, cell: Cell) -> set[tuple[str, int]]:
@@ -180,7 +181,7 @@ class BenchmarkRun:
 
     def _trial(self, row: Row, cell: Cell, key: EpisodeKey) -> Trial:
         """Return an episode of a cell."""
-        same = (row.entrant.name, row.task, cell.odometer)
+        same = (cell.agent, cell.mapper, cell.task, cell.odometer)
         if same not in self._settings:
             self._settings[same] = row.entrant.environment(self._protocol, row.task, cell.odometer)
         world = key.world

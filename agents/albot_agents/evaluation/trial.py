@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
+from albot_agents.evaluation.map_figures import MapFigures
 from albot_agents.evaluation.plan import Trial
 from albot_agents.registry import make_agent
 from albot_agents.workers import TaskRunner
@@ -27,7 +28,7 @@ class Outcome:
     trial: Trial
     """The episode."""
     info: Mapping[str, Any]
-    """The last info: the ground truth at the end."""
+    """The last info: the ground truth at the end; and what the map was like (`MapFigures`)."""
     start: Pose
     """Pose of home (world frame)."""
     begin: Pose
@@ -79,9 +80,11 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
     """
     env = trial.make()
     try:
-        agent = make_agent(trial.agent, EnvironmentConfigs.of(env))
+        configs = EnvironmentConfigs.of(env)
+        agent = make_agent(trial.agent, configs)
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
+        maps = MapFigures(configs, observation, info)
         begin = info["pose"]
         path, coverages = [info["pose"][:2]], [info.get("coverage")]
         explores = info["path_length"] == 0.0  # No outward journey covered ground.
@@ -90,6 +93,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
             on_step(len(path))
             action = choose_action(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
+            maps.add(observation, info)
             path.append(info["pose"][:2])
             coverages.append(info.get("coverage"))
             collisions += info["collided"] and not touched
@@ -98,7 +102,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
         env.close()
     return Outcome(
         trial=trial,
-        info=info,
+        info=info | maps.end(observation, info),
         start=info["start"],
         begin=begin,
         path=np.array(path),
