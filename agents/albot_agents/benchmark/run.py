@@ -1,7 +1,8 @@
 """Run the episodes that a benchmark's folder lacks.
 
-Episodes in one world with one seed run one after another in the same process: where agents begin
-after a journey, they drive the same way, which is then found once (`outward_journey`).
+Episodes in one world with one seed run one after another in the same process. Where agents begin
+after a journey, they drive the same way, which is then found once; and agents with the same mapper
+and sensors make the same journey, which is then made once (`journeys`).
 """
 
 from __future__ import annotations
@@ -162,6 +163,9 @@ class BenchmarkRun:
         for row in self._rows:
             for cell in row.cells:
                 kinds.setdefault((row.task, cell.worlds), []).append((row, cell))
+        order = self._protocol.odometers.index
+        for members in kinds.values():  # Who makes the same journey comes together.
+            members.sort(key=lambda member: (member[1].mapper, order(member[1].odometer)))
         keys = {kind: self._keys(members[0][1]) for kind, members in kinds.items()}
         for number in range(max(map(len, keys.values()), default=0)):
             for kind, members in kinds.items():

@@ -181,8 +181,9 @@ def estimate(episodes: Sequence[EpisodeResult]) -> dict[str, Estimate]:
     """Return the figures of a cell, as far as its task measures them.
 
     Intervals are Wilson's for rates of success. Others are bootstrapped: worlds are drawn with all
-    of their episodes. A ratio to nothing, such as the precision without a claim, is left out, and
-    so is the coverage over 200 m if no episode drove as far.
+    of their episodes, or episodes where there is one world. A ratio to nothing, such as the
+    precision without a claim, is left out, and so is the coverage over 200 m if no episode drove
+    as far.
     """
     tops, bottoms, names = [], [], []
     for name, figure in FIGURES.items():
@@ -193,9 +194,9 @@ def estimate(episodes: Sequence[EpisodeResult]) -> dict[str, Estimate]:
             names.append(name)
             tops.append(top)
             bottoms.append(bottom)
-    worlds = [one.world for one in episodes]
     rng = np.random.default_rng(_SEED)
-    intervals = bootstrap_cluster_ratios(np.array(tops).T, np.array(bottoms).T, worlds, rng)
+    columns = np.array(tops).T, np.array(bottoms).T
+    intervals = bootstrap_cluster_ratios(*columns, _clusters(episodes), rng)
     found = {}
     for name, top, bottom, interval in zip(names, tops, bottoms, intervals, strict=True):
         if name == "success_rate":
@@ -203,6 +204,12 @@ def estimate(episodes: Sequence[EpisodeResult]) -> dict[str, Estimate]:
         assert interval is not None, name
         found[name] = Estimate(value=float(top.sum() / bottom.sum()), ci95=interval)
     return found
+
+
+def _clusters(episodes: Sequence[EpisodeResult]) -> list[str | int]:
+    """Return what is drawn for an interval: worlds, or episodes if all are in one world."""
+    worlds = [one.world for one in episodes]
+    return [*worlds] if len(set(worlds)) > 1 else [one.seed for one in episodes]
 
 
 def _far(episodes: Sequence[EpisodeResult]) -> bool:
@@ -233,15 +240,17 @@ def compare(
             found = f"different beginnings in {one.world}, seed {one.seed}"
             place = f"{cell.task}, {cell.worlds}, {cell.odometer}"
             raise InputError(place, expected, f"{found}; remove the older of their files")
-    values = [
-        (episode_figures(one).get(figure), episode_figures(two).get(figure)) for one, two in pairs
+    both = [
+        (one, mine - its)
+        for one, other in pairs
+        if (mine := episode_figures(one).get(figure)) is not None
+        and (its := episode_figures(other).get(figure)) is not None
     ]
-    apart = np.array([one - two for one, two in values if one is not None and two is not None])
-    if not len(apart):
+    if not both:
         return None
-    worlds = [one.world for (one, _), pair in zip(pairs, values, strict=True) if None not in pair]
+    apart = np.array([[difference] for _, difference in both])
     rng = np.random.default_rng(_SEED)
-    column = apart[:, np.newaxis]
-    (interval,) = bootstrap_cluster_ratios(column, np.ones_like(column), worlds, rng)
+    clusters = _clusters([one for one, _ in both])
+    (interval,) = bootstrap_cluster_ratios(apart, np.ones_like(apart), clusters, rng)
     assert interval is not None
     return Difference(value=float(apart.mean()), ci95=interval, episodes=len(apart))

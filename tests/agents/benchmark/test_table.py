@@ -81,6 +81,20 @@ def test_episodes_in_few_worlds_say_less_than_in_many() -> None:
     assert np.ptp(wide.ci95) > 2 * np.ptp(narrow.ci95)
 
 
+def test_episodes_in_one_world_are_drawn_one_by_one() -> None:
+    probe = cell(task="Albot/Probe-Detour-v0", worlds="scene")
+    episodes = [
+        changed(one, {"spl": float(k % 2)}) for k, one in enumerate(results(probe, 40).episodes)
+    ]
+    assert len({one.world for one in episodes}) == 1
+    spl = estimate(episodes)["spl"]
+    half = 1.96 * 0.5 / np.sqrt(40)
+    assert spl.ci95 == pytest.approx((0.5 - half, 0.5 + half), abs=0.02)
+    told = compare(probe, episodes, results(probe, 40, 0.5).episodes, "spl")
+    assert told is not None
+    assert told.ci95 == pytest.approx((-half, half), abs=0.02)
+
+
 def test_differences_are_of_the_episodes_that_both_have() -> None:
     here, there = results(cell(), 5, 0.5).episodes, results(cell("oracle"), 3, 0.9).episodes
     varied = [
