@@ -45,8 +45,12 @@ def rows_of_mappers(
     """
     from albot_agents.benchmark.mappers import AGENTS, WORLDS, mapper_rows
     from albot_agents.registry import find_agent
-    from albot_core.mappers.registry import check_installed, installed_mappers, mapper_spec
-    from albot_env.tasks.core.settings import NO_MAPPER
+    from albot_core.mappers.registry import (
+        NO_MAPPER,
+        check_installed,
+        installed_mappers,
+        mapper_spec,
+    )
 
     if set(kinds) - {WORLDS}:
         raise InputError("--worlds", f"{WORLDS}, in which mappers are compared", ", ".join(kinds))
@@ -80,7 +84,7 @@ def measure_costs(folder: Path, mappers: Sequence[str]) -> bool:
     from albot_agents.benchmark.costs import add_costs, read_costs
     from albot_benchmarks.mapper import relative_cost
     from albot_cli.explored_logs import Exploration, explore
-    from albot_env.tasks.core.settings import NO_MAPPER
+    from albot_core.mappers.registry import NO_MAPPER
 
     known = read_costs(folder)
     missing = [name for name in dict.fromkeys(mappers) if name not in (NO_MAPPER, *known)]

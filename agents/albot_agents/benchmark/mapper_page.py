@@ -11,8 +11,9 @@ from albot_agents.benchmark.homing_curve import HomingCurve, fit_curve
 from albot_agents.benchmark.mappers import MapperRow, make_mapper_table
 from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.table import Estimate
-from albot_env.tasks.core.settings import NO_MAPPER
-from albot_env.tasks.homing_by_map.task import HomingByMapConfig
+from albot_agents.registry import BY_MAP
+from albot_agents.task import config_kind
+from albot_core.mappers.registry import NO_MAPPER
 
 _ENOUGH = 0.9
 """Share of episodes that a mapper must bring home to be named."""
@@ -67,7 +68,7 @@ def sentences(report: MapperReport) -> list[str]:
     found = [] if curve is None or not curve.levels else [_need(driver, curve)]
     found.append(_reached(report, driver))
     if curve is not None and curve.failures:
-        radius = HomingByMapConfig().radius
+        radius = config_kind(BY_MAP)().radius
         found.append(
             f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with home "
             f"believed more than {radius:g} m off: there the map failed, in the others the driving."

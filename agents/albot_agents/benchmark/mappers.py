@@ -24,8 +24,7 @@ from albot_agents.benchmark.table import Estimate, estimate
 from albot_agents.registry import BY_MAP, EXPLORE, PLACES, AgentEntry, agent_names, find_agent
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap
-from albot_core.mappers.registry import mapper_names, mapper_spec
-from albot_env.tasks.core.settings import NO_MAPPER
+from albot_core.mappers.registry import NO_MAPPER, mapper_names, mapper_spec
 
 AGENTS: Mapping[str, str] = {BY_MAP: "map-homing", EXPLORE: "gap-explorer", PLACES: "place-judge"}
 """The tasks in which mappers are compared, and the agent in each."""
