@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ import pytest
 
 pytest.importorskip("torch")
 
+from albot_agents.agent import EnvironmentConfigs, begin_episode
+from albot_agents.registry import make_agent
+from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.training import plan as plans
 from albot_agents.training.checkpoint import read_checkpoint
@@ -23,6 +27,7 @@ from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
 from albot_agents.training.teachers import TaughtEnvironments
 from albot_core.errors import InputError
+from albot_env.tasks.homing.task import HomingConfig
 from tests.agents.training import tiny
 from tests.agents.training.tiny import TASK, plan_file
 
@@ -142,6 +147,15 @@ def test_a_learner_sees_its_own_part_of_the_episodes_of_its_teachers(tmp_path: P
         expected, wanted, *_ = alone.step(actions)
         np.testing.assert_array_equal(rewards, wanted)
     assert set(envs._seen) > {"motion", "home"}
+    envs.reset(5)
+    shown = HomingConfig().observations
+    whole = {**settings, "config": replace(settings["config"], observations=shown)}
+    single = gymnasium.make(TASK, **single_env_settings(TASK, whole), observation="dict")
+    agent = make_agent("albot1-homing", EnvironmentConfigs.of(single))
+    for k, told in enumerate(envs.demonstrate()):
+        observation, info = begin_episode(single, agent, 5 + k)
+        np.testing.assert_array_equal(envs._seen["laser"][k], observation["laser"])
+        np.testing.assert_array_equal(told, agent.act(observation, info))
     envs.close()
     alone.close()
 
