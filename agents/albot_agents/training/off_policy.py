@@ -112,8 +112,8 @@ def continue_without_buffer(learner: OffPolicyAlgorithm) -> None:
 class BatchSAC(SAC):
     """SAC that draws its actions from the policy from the first step on.
 
-    stable-baselines3 draws the first ones uniformly. One in four of these would declare home, so that
-    the first episodes would be over after four steps.
+    stable-baselines3 draws the first ones uniformly. One in four of these would declare home, so
+    that the first episodes would be over after four steps.
     """
 
     def _sample_action(

@@ -262,7 +262,7 @@ class TrainingPlan:
     def _check_off_policy(self) -> None:
         """Raise InputError for what does not fit an algorithm that learns from a replay buffer."""
         place, own, kind = "TrainingPlan.off_policy", self.off_policy, self.policy.kind
-        if kind == "candidates":
+        if kind != "mlp":
             raise InputError("TrainingPlan.policy", f"kind mlp for {self.algorithm}", kind)
         if own.buffer_size < self.n_envs:
             expected = f"a buffer_size of n_envs, {self.n_envs}, or more"
