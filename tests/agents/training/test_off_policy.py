@@ -101,16 +101,18 @@ def test_a_resumed_run_has_all_but_the_buffer(trained: Trained, tmp_path: Path) 
         assert not np.array_equal(tensor.detach().numpy(), saved.weights[name]), name
 
 
-def test_the_same_seed_gives_the_same_agent(trained: Trained, tmp_path: Path) -> None:
-    folder, plan = begun(tmp_path, off_policy(trained[1].algorithm))
-    TrainingRun(folder, plan).run()
-    assert read_agent(folder.last).fingerprint == read_agent(trained[0].last).fingerprint
+def test_the_same_seed_gives_the_same_agent(tmp_path_factory: pytest.TempPathFactory) -> None:
+    agents = []
+    for name in ("one", "other"):
+        folder, plan = begun(tmp_path_factory.mktemp(name), off_policy("sac"), evaluation=None)
+        TrainingRun(folder, plan).run()
+        agents.append(read_agent(folder.last).fingerprint)
+    assert agents[0] == agents[1]
 
 
-def test_ctrl_c_saves_the_last_round(
-    trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder, plan = begun(tmp_path, off_policy(trained[1].algorithm), checkpoint_every=1000)
+def test_ctrl_c_saves_the_last_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    changes = {"checkpoint_every": 1000, "evaluation": None}
+    folder, plan = begun(tmp_path, off_policy("dqn"), **changes)
     run = TrainingRun(folder, plan)
     train: Any = run.learner.train
 
@@ -127,7 +129,7 @@ def test_ctrl_c_saves_the_last_round(
 
 def test_a_stage_goes_on_with_the_buffer(tmp_path: Path) -> None:
     stages = [{"for_steps": 64}, {"env": {"max_episode_steps": 2}}]
-    folder, plan = begun(tmp_path, off_policy("dqn"), curriculum=stages)
+    folder, plan = begun(tmp_path, off_policy("dqn"), curriculum=stages, evaluation=None)
     run = TrainingRun(folder, plan)
     assert run.run()["stage"] == 1
     lines = folder.monitor.read_text().splitlines()[2:]
@@ -257,7 +259,8 @@ def test_sac_begins_with_the_action_of_its_plan() -> None:
 def test_targets_follow_in_the_same_steps_after_a_stop(tmp_path: Path) -> None:
     """A hard update every 20 samples: ten steps of two environments, also after 130 samples."""
     changes = {"target_update_interval": 20, "learning_starts": 150}
-    folder, plan = begun(tmp_path, off_policy("dqn"), n_timesteps=152, off_policy=changes)
+    plan_changes = {"n_timesteps": 152, "off_policy": changes, "evaluation": None}
+    folder, plan = begun(tmp_path, off_policy("dqn"), **plan_changes)
     TrainingRun(folder, plan).run()
     run = TrainingRun(folder, folder.resume(None, n_timesteps=162))
     learner: Any = run.learner
