@@ -17,6 +17,7 @@ from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
 from albot_core.file_kinds import AGENT, kind_of
+from albot_core.mappers.registry import NO_MAPPER, mapper_spec
 from albot_core.plain_data import Location, read_config, read_record, to_plain
 from albot_core.yaml_document import format_value
 from albot_env.tasks.core.actions import ActionConfig
@@ -130,8 +131,9 @@ class AgentFile:
                 observations and actions. A `config` among them also decides on the tours.
 
         Raises:
-            InputError: The task has no such settings.
+            InputError: The task has no such settings, or the mapper cannot show what the agent saw.
         """
+        self._check_mapper(settings.get("mapper"))
         its = dict(self.settings)
         config, kind = dict(its.pop("config", {})), config_kind(task)
         if settings.get("config") is not None:
@@ -146,6 +148,18 @@ class AgentFile:
             | dict(settings)
             | {"config": seen}
         )
+
+    def _check_mapper(self, mapper: str | None) -> None:
+        """Raise InputError if a mapper (None: its own) cannot show what the agent saw."""
+        seen = self.observation_config
+        if mapper is None or seen is None:
+            return
+        spec = None if mapper == NO_MAPPER else mapper_spec(mapper)
+        try:
+            seen.fitted(seen.laser, seen.sonar, spec)
+        except InputError as error:
+            expected = "one that shows what the agent saw in its training"
+            raise InputError("mapper", expected, f"{mapper} ({error})") from None
 
 
 def read_agent(path: Path) -> AgentFile:

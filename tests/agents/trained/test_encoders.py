@@ -215,6 +215,9 @@ def test_an_agent_that_sees_its_map_is_trained_and_drives(tmp_path: Path, algori
     answer = choose_action(agent, observation, info)
     expected, _ = run.learner.predict(observation, deterministic=True)
     np.testing.assert_allclose(answer, expected, atol=1e-5)
+    for mapper in ("none", "odometry"):
+        with pytest.raises(InputError, match=f"mapper: expected one that shows .* found {mapper}"):
+            find_agent(name).environment(plan.task, {"mapper": mapper})
 
 
 def test_where_there_is_nothing_to_encode_that_is_said(tmp_path: Path) -> None:
