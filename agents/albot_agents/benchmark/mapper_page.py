@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -19,6 +20,7 @@ _ENOUGH = 0.9
 _COLUMNS: Mapping[str, tuple[str, str]] = {
     "success_rate": ("success", "{:.0%}"),
     "spl": ("SPL", "{:.2f}"),
+    "carried_rate": ("success if carried", "{:.0%}"),
     "home_error_begin": ("error of home at the beginning (m)", "{:.2f}"),
     "home_error": ("in the end (m)", "{:.2f}"),
     "blur": ("map entropy less the true map's (nats)", "{:+.2f}"),
@@ -28,6 +30,18 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
     "places_recall": ("recall of places", "{:.0%}"),
 }
 """Columns of the table: titles and formats of `MapperRow.figures`."""
+
+_EXPLANATION = (
+    "The same agent with each mapper, in the same episodes in random offices: coming home in "
+    "`Albot/HomingByMap-v0`, claims of `gap-explorer` in `Albot/Explore-v0`, places of "
+    "`place-judge` in `Albot/PlaceRecognition-v0`. The error of home is the distance between where "
+    "home is believed and where it is, seen from the robot; medians. In some episodes the robot "
+    "was carried before its return; the curve leaves them out. The entropy is that of all scans as "
+    "the mapper laid them while exploring, less that of the same scans at the true poses. In "
+    "brackets: 95 % intervals."
+)
+_WIDTH = 100
+"""Width of the explanation's lines."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,13 +142,7 @@ def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator
         yield ""
         yield f"![success in coming home against what the map was like]({picture})"
     yield ""
-    yield "The same agent with each mapper, in the same episodes in random offices: coming home in"
-    yield "`Albot/HomingByMap-v0`, claims of `gap-explorer` in `Albot/Explore-v0`, places of"
-    yield "`place-judge` in `Albot/PlaceRecognition-v0`. The error of home is the distance between"
-    yield "where home is believed and where it is, seen from the robot; medians. The curve leaves"
-    yield "out episodes in which the robot was carried. The entropy is that of all scans as the"
-    yield "mapper laid them while exploring, less that of the same scans at the true poses. In"
-    yield "brackets: 95 % intervals."
+    yield from textwrap.wrap(_EXPLANATION, _WIDTH, break_long_words=False, break_on_hyphens=False)
     for driver in report.drivers:
         rows = [row for row in report.rows if row.driver == driver]
         for odometer in dict.fromkeys(row.odometer for row in rows):

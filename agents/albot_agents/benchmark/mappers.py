@@ -23,7 +23,7 @@ from albot_agents.benchmark.run import Row
 from albot_agents.benchmark.table import Estimate, estimate
 from albot_agents.registry import BY_MAP, EXPLORE, PLACES, AgentEntry, agent_names, find_agent
 from albot_core.errors import InputError
-from albot_core.evaluation.intervals import bootstrap
+from albot_core.evaluation.intervals import bootstrap, wilson
 from albot_core.mappers.registry import mapper_names, mapper_spec
 from albot_env.tasks.core.settings import NO_MAPPER
 
@@ -53,6 +53,7 @@ class MapperRow:
     """The figures that are known:
 
     - `success_rate`, `spl`: of coming home,
+    - `carried_rate`: the first in episodes in which the robot was carried before the return,
     - `home_error_begin`, `home_error`: median of the error of home when the return begins, and in
       the end (m; see `MapFigures`),
     - `blur`: mean excess of the map's entropy over that of the true map, after exploring (nats),
@@ -125,6 +126,11 @@ def _with_mapper(entrant: Entrant, mapper: str) -> Entrant:
     )
 
 
+def is_carried(episode: EpisodeResult) -> bool:
+    """Return whether the robot was carried before the return: no map can tell it where to."""
+    return bool(episode.info.get("change") == "carried")
+
+
 def has_own_mapper(cell: Cell) -> bool:
     """Return whether a cell is one of the table of agents: an agent with its own mapper."""
     return cell.agent not in agent_names() or find_agent(cell.agent).mapper == cell.mapper
@@ -159,6 +165,10 @@ def _place(order: Sequence[str], mapper: str) -> tuple[int, str]:
 def _row(cell: Cell, cells: Mapping[Cell, Sequence[EpisodeResult]]) -> MapperRow:
     episodes, found = cells[cell], estimate(cells[cell])
     figures = {name: each for name, each in found.items() if name in ("success_rate", "spl")}
+    carried = [bool(one.info["is_success"]) for one in episodes if is_carried(one)]
+    if carried:
+        interval = wilson(sum(carried), len(carried))
+        figures["carried_rate"] = Estimate(value=sum(carried) / len(carried), ci95=interval)
     for name in ("home_error_begin", "home_error"):
         _add(figures, name, [one.info.get(name) for one in episodes], np.median)
     for task, name in ((EXPLORE, "claims"), (PLACES, "places")):

@@ -112,6 +112,17 @@ def test_a_row_has_the_figures_of_all_tasks(measured: list[CellResults]) -> None
     assert "blur" not in rows[3].figures
 
 
+def test_episodes_in_which_the_robot_was_carried_are_told_apart() -> None:
+    carried = _homing("albot1", 8, 5.0, change="carried")
+    infos = [dict(one.info) for one in carried.episodes]
+    infos[4:] = [{**info, "change": "none"} for info in infos[4:]]
+    rows = make_mapper_table([_results(carried.cell, infos), _homing("none", 0, 5.0)], PROTOCOL)
+    none, albot1 = (row.figures for row in rows)
+    assert (albot1["success_rate"].value, albot1["carried_rate"].value) == (0.8, 1.0)
+    assert albot1["carried_rate"].ci95 == pytest.approx((0.51, 1.0), abs=0.01)
+    assert "carried_rate" not in none
+
+
 def test_an_agent_with_one_mapper_compares_none() -> None:
     assert make_mapper_table([_homing("albot1", 9, 0.1)], PROTOCOL) == []
 
