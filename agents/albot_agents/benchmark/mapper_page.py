@@ -36,9 +36,9 @@ _EXPLANATION = (
     "`Albot/HomingByMap-v0`, claims of `gap-explorer` in `Albot/Explore-v0`, places of "
     "`place-judge` in `Albot/PlaceRecognition-v0`. The error of home is the distance between where "
     "home is believed and where it is, seen from the robot; medians. In some episodes the robot "
-    "was carried before its return; the curve leaves them out. The entropy is that of all scans as "
-    "the mapper laid them while exploring, less that of the same scans at the true poses. In "
-    "brackets: 95 % intervals."
+    "was carried before its return; errors, points and curve leave them out. The entropy is that "
+    "of all scans as the mapper laid them while exploring, less that of the same scans at the true "
+    "poses. In brackets: 95 % intervals."
 )
 _WIDTH = 100
 """Width of the explanation's lines."""
@@ -82,10 +82,10 @@ def sentences(report: MapperReport) -> list[str]:
     found.append(_reached(report, driver))
     if curve is not None and curve.failures:
         radius = HomingByMapConfig().radius
-        found.append(
-            f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with home "
-            f"believed more than {radius:g} m off: there the map failed, in the others the driving."
-        )
+        text = f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with "
+        text += f"home believed more than {radius:g} m off: there the map failed"
+        others = ", in the others the driving" if curve.lost < curve.failures else ""
+        found.append(f"{text}{others}.")
     return found
 
 

@@ -96,6 +96,7 @@ def test_a_row_has_the_figures_of_all_tasks(measured: list[CellResults]) -> None
     assert found == pytest.approx(
         {
             "success_rate": 1.0,
+            "uncarried_rate": 1.0,
             "spl": 1.0,
             "home_error_begin": 0.1,
             "home_error": 0.1,
@@ -115,11 +116,13 @@ def test_a_row_has_the_figures_of_all_tasks(measured: list[CellResults]) -> None
 def test_episodes_in_which_the_robot_was_carried_are_told_apart() -> None:
     carried = _homing("albot1", 8, 5.0, change="carried")
     infos = [dict(one.info) for one in carried.episodes]
-    infos[4:] = [{**info, "change": "none"} for info in infos[4:]]
+    infos[4:] = [{**info, "change": "none", "home_error_begin": 0.2} for info in infos[4:]]
     rows = make_mapper_table([_results(carried.cell, infos), _homing("none", 0, 5.0)], PROTOCOL)
     none, albot1 = (row.figures for row in rows)
     assert (albot1["success_rate"].value, albot1["carried_rate"].value) == (0.8, 1.0)
     assert albot1["carried_rate"].ci95 == pytest.approx((0.51, 1.0), abs=0.01)
+    assert albot1["uncarried_rate"].value == pytest.approx(4 / 6)
+    assert albot1["home_error_begin"].value == pytest.approx(0.2)
     assert "carried_rate" not in none
 
 
@@ -188,7 +191,14 @@ def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> 
         "With the odometer `pioneer`, 1 of 3 mappers bring it home in 90% or more (`albot1`; "
         "`albot1` is the cheapest of them, at 2 times the cost of `odometry`), and no mapper in 0%."
     )
-    assert failed.startswith("Of the 23 failures, 100% ended with home believed more than 1 m off")
+    assert failed == (
+        "Of the 23 failures, 100% ended with home believed more than 1 m off: there the map failed."
+    )
+    stuck = [*measured[1:], _homing("albot1", 5, 0.1, home_error=0.5)]
+    assert sentences(_report(stuck))[2] == (
+        "Of the 28 failures, 82% ended with home believed more than 1 m off: there the map failed, "
+        "in the others the driving."
+    )
     worse = [each if each.cell.mapper != "albot1" else _homing("albot1", 7, 0.1)
              for each in measured if each.cell.task == BY_MAP]  # fmt: skip
     assert "0 of 3 mappers bring it home in 90% or more; the best, `albot1`, does in 70%" in (
@@ -229,7 +239,7 @@ def test_the_picture_has_a_point_for_each_row_at_its_figures(measured: list[Cell
         if line.get_marker() in ("o", "s")
     }
     assert points == {
-        (row.figures["home_error_begin"].value, row.figures["success_rate"].value,
+        (row.figures["home_error_begin"].value, row.figures["uncarried_rate"].value,
          SERIES[["none", "albot1", "odometry", "ratslam"].index(row.mapper)])
         for row in report.rows
     }  # fmt: skip
