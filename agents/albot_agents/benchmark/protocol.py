@@ -23,7 +23,6 @@ from albot_core.errors import InputError
 from albot_core.files import read_bytes
 from albot_core.plain_data import Location, read_config
 from albot_core.yaml_document import YamlDocument
-from albot_env.sim import ODOMETERS
 from albot_maps import load_world
 from albot_maps.generators.spec import seeded
 
@@ -118,9 +117,6 @@ class Protocol:
     """The tasks by the ids of their environments."""
 
     def __post_init__(self) -> None:
-        for name in self.odometers:
-            if name not in ODOMETERS:
-                raise InputError("Protocol.odometers", f"some of {', '.join(ODOMETERS)}", name)
         for task in self.tasks.values():
             for kind in task.worlds:
                 if kind not in self.worlds:

@@ -2,12 +2,13 @@
 
 Episodes in one world with one seed run one after another in the same process. Where agents begin
 after a journey, they drive the same way, which is then found once; and agents with the same mapper
-and sensors make the same journey, which is then made once (`journeys`).
+and sensors make the same journey, which is then made once (`journeys`). Episodes of a trained
+agent in a task without journeys run together in a batch (`together`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
@@ -20,12 +21,16 @@ from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import EpisodeKey
 from albot_agents.evaluation.paired import check_same_episodes
 from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.together import can_run_together, run_together
 from albot_agents.evaluation.trial import run_trial
 from albot_agents.workers import TaskRunner, run_parallel
 from albot_core.errors import InputError
 
 _MOST_TOGETHER = 9
-"""Largest number of episodes that run together, and are lost if the process is killed."""
+"""Largest number of episodes that a process runs before they are kept: those that are lost if it is
+killed."""
+_BATCH = 20
+"""Number of episodes in a batch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,15 +57,25 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Group:
-    """Episodes in one world with one seed."""
+class _Member:
+    """An episode that is to be run."""
 
+    cell: Cell
+    """Its cell."""
     key: EpisodeKey
-    """The world and the seed, as the protocol names them."""
-    cells: tuple[Cell, ...]
-    """The cells."""
-    trials: tuple[Trial, ...]
-    """The episode of each cell."""
+    """Its world and seed, as the protocol names them."""
+    trial: Trial
+    """The episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Group:
+    """Episodes that one process runs: of one world and seed, or of one cell in a batch."""
+
+    members: tuple[_Member, ...]
+    """The episodes."""
+    together: bool = False
+    """Whether they run in a batch."""
 
 
 class BenchmarkRun:
@@ -98,7 +113,7 @@ class BenchmarkRun:
     @property
     def missing(self) -> int:
         """Number of episodes that the folder lacks."""
-        return sum(len(group.cells) for group in self._groups())
+        return sum(len(group.members) for group in self._groups())
 
     def run(self, jobs: int, on_done: Callable[[int], None] = lambda _: None) -> None:
         """Run the missing episodes, and keep each as soon as it is over.
@@ -169,15 +184,27 @@ class BenchmarkRun:
         keys = {kind: self._keys(members[0][1]) for kind, members in kinds.items()}
         for number in range(max(map(len, keys.values()), default=0)):
             for kind, members in kinds.items():
+                batched = [member for member in members if _in_batches(member[0])]
+                alone = [member for member in members if not _in_batches(member[0])]
+                if number % _BATCH == 0:
+                    some = keys[kind][number : number + _BATCH]
+                    yield from self._groups_of(([member], some, True) for member in batched)
                 for key in keys[kind][number : number + 1]:
-                    yield from self._group(key, members)
+                    yield from self._groups_of([(alone, [key], False)])
 
-    def _group(self, key: EpisodeKey, members: Sequence[tuple[Row, Cell]]) -> Iterator[_Group]:
-        wanted = (key.world, key.seed)
-        missing = ((row, cell) for row, cell in members if wanted not in self._done[cell])
-        while some := list(islice(missing, _MOST_TOGETHER)):
-            trials = tuple(self._trial(row, cell, key) for row, cell in some)
-            yield _Group(key=key, cells=tuple(cell for _, cell in some), trials=trials)
+    def _groups_of(
+        self, parts: Iterable[tuple[Sequence[tuple[Row, Cell]], Sequence[EpisodeKey], bool]]
+    ) -> Iterator[_Group]:
+        """Yield groups of what is missing of cells' episodes, and whether they are batches."""
+        for cells, keys, together in parts:
+            missing = (
+                _Member(cell=cell, key=key, trial=self._trial(row, cell, key))
+                for row, cell in cells
+                for key in keys
+                if (key.world, key.seed) not in self._done[cell]
+            )
+            while some := tuple(islice(missing, _BATCH if together else _MOST_TOGETHER)):
+                yield _Group(members=some, together=together)
 
     def _trial(self, row: Row, cell: Cell, key: EpisodeKey) -> Trial:
         """Return an episode of a cell."""
@@ -197,6 +224,14 @@ class BenchmarkRun:
         )
 
 
+def _in_batches(row: Row) -> bool:
+    """Return whether a row's episodes run in batches.
+
+    Those of scripted agents do not: what costs most is what they do, which a batch does not share.
+    """
+    return row.entrant.entry.file is not None and can_run_together(row.task)
+
+
 Kept = list[tuple[Cell, EpisodeResult]]
 """Episodes and their cells."""
 
@@ -205,15 +240,19 @@ class _GroupRunner(TaskRunner[_Group, "Kept | InputError"]):
     """Runs the episodes of a group; an InputError is returned as the result."""
 
     def run(self, task: _Group, on_step: Callable[[int], None]) -> Kept | InputError:
-        """Run the episodes one after another."""
-        kept: Kept = []
-        for cell, trial in zip(task.cells, task.trials, strict=True):
-            try:
-                outcome = run_trial(trial, on_step)
-            except InputError as error:
-                return error
-            kept.append((cell, EpisodeResult.of(outcome, cell.agent, task.key.world)))
-        return kept
+        """Run the episodes, in a batch or one after another."""
+        trials = [member.trial for member in task.members]
+        try:
+            if task.together:
+                outcomes = run_together(trials, on_step)
+            else:
+                outcomes = [run_trial(trial, on_step) for trial in trials]
+        except InputError as error:
+            return error
+        return [
+            (member.cell, EpisodeResult.of(outcome, member.cell.agent, member.key.world))
+            for member, outcome in zip(task.members, outcomes, strict=True)
+        ]
 
     def on_crash(self, task: _Group, step: int, cause: str) -> Kept | InputError:
         """Raise RuntimeError: the process died, which is a bug.
@@ -221,5 +260,7 @@ class _GroupRunner(TaskRunner[_Group, "Kept | InputError"]):
         Raises:
             RuntimeError: Always.
         """
-        where = f"{task.trials[0].task} in {task.key.world}, seed {task.key.seed}, step {step}"
-        raise RuntimeError(f"{where}: {cause}")
+        trial = task.members[0].trial
+        raise RuntimeError(
+            f"{trial.task} in {trial.world}, seed {trial.seed}, step {step}: {cause}"
+        )

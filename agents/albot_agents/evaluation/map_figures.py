@@ -59,8 +59,8 @@ class MapFigures:
         ranges = self._config.decode(LASER, observation)
         ranges = np.where(ranges < 0.999 * self._config.laser_range, ranges, np.inf)
         self._scans.append(LaserScan(ranges=ranges, geometry=self._config.laser))
-        self._believed.append(info["belief"])
-        self._true.append(info["pose"])
+        self._believed.append(info["belief"].copy())
+        self._true.append(info["pose"].copy())
 
     def end(self, observation: Any, info: Mapping[str, Any]) -> dict[str, float]:
         """Return the figures, given the last observation and info."""

@@ -84,31 +84,72 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
         agent = make_agent(trial.agent, configs)
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
-        maps = MapFigures(configs, observation, info)
-        begin = info["pose"]
-        path, coverages = [info["pose"][:2]], [info.get("coverage")]
-        explores = info["path_length"] == 0.0  # No outward journey covered ground.
-        collisions, touched, over = 0, False, False
-        while not over:
-            on_step(len(path))
+        log = EpisodeLog(trial, configs, observation, info)
+        while not log.over:
+            on_step(log.steps + 1)
             action = choose_action(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
-            maps.add(observation, info)
-            path.append(info["pose"][:2])
-            coverages.append(info.get("coverage"))
-            collisions += info["collided"] and not touched
-            touched, over = info["collided"], terminated or truncated
+            log.add(observation, info, over=terminated or truncated)
     finally:
         env.close()
-    return Outcome(
-        trial=trial,
-        info=info | maps.end(observation, info),
-        start=info["start"],
-        begin=begin,
-        path=np.array(path),
-        collisions=collisions,
-        **(_explored(trial, np.array(path), coverages) if explores else {}),
-    )
+    return log.outcome
+
+
+class EpisodeLog:
+    """What is measured of an episode as it runs.
+
+    Args:
+        trial: The episode.
+        configs: The environment's configurations of observations and actions.
+        observation: The first observation.
+        info: The first info.
+    """
+
+    def __init__(
+        self,
+        trial: Trial,
+        configs: EnvironmentConfigs,
+        observation: Any,
+        info: Mapping[str, Any],
+    ) -> None:
+        self.over = False
+        """Whether it has ended."""
+        self._trial, self._info = trial, info
+        self._begin = info["pose"].copy()
+        self._path, self._coverages = [self._begin[:2]], [info.get("coverage")]
+        self._explores = info["path_length"] == 0.0  # No outward journey covered ground.
+        self._collisions, self._touched = 0, False
+        self._maps = MapFigures(configs, observation, info)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps so far."""
+        return len(self._path) - 1
+
+    def add(self, observation: Any, info: Mapping[str, Any], *, over: bool) -> None:
+        """Add what came of a step, and whether the episode has ended with it."""
+        self._path.append(info["pose"][:2].copy())
+        self._coverages.append(info.get("coverage"))
+        touches = bool(info["collided"])
+        self._collisions += touches and not self._touched
+        self._maps.add(observation, info)
+        self._touched, self._info, self.over = touches, info, over
+        if over:
+            self._info = {**info, **self._maps.end(observation, info)}
+
+    @property
+    def outcome(self) -> Outcome:
+        """The measurements of the episode, which has ended."""
+        path = np.array(self._path)
+        return Outcome(
+            trial=self._trial,
+            info=self._info,
+            start=self._info["start"],
+            begin=self._begin,
+            path=path,
+            collisions=self._collisions,
+            **(_explored(self._trial, path, self._coverages) if self._explores else {}),
+        )
 
 
 def _explored(

@@ -13,6 +13,7 @@ from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.registry import agent_names, check_agent, find_agent
 from albot_agents.task import own_world, task_names, untwinned
 from albot_core.errors import InputError
+from albot_env.sim import ODOMETERS
 from albot_maps import World
 from albot_maps.generators.spec import KINDS
 from albot_maps.load import load_worlds
@@ -31,6 +32,10 @@ def test_every_task_and_every_kind_of_worlds_is_measured() -> None:
 def test_time_limits_are_those_of_the_environments() -> None:
     for task, measured in PROTOCOL.tasks.items():
         assert measured.steps == gymnasium.spec(task).max_episode_steps, task
+
+
+def test_odometers_are_presets() -> None:
+    assert set(PROTOCOL.odometers) <= set(ODOMETERS)
 
 
 def test_references_are_agents_of_their_tasks() -> None:

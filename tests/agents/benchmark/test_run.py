@@ -13,7 +13,7 @@ from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.entrant import Entrant, find_entrant
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import Protocol, find_protocol
-from albot_agents.benchmark.run import BenchmarkRun, Row
+from albot_agents.benchmark.run import BenchmarkRun, Row, _in_batches
 from albot_agents.evaluation.plan import _loaded
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_agents.workers import TaskRunner
@@ -127,6 +127,19 @@ def test_episodes_that_run_together_are_those_that_run_alone(tmp_path: Path) -> 
     assert len(begins) == 1
 
 
+def test_batches_of_a_trained_agent_are_its_episodes(tmp_path: Path) -> None:
+    """An agent that explores is run in batches; one episode after another it does the same."""
+    together, alone = new_folder(tmp_path / "together"), new_folder(tmp_path / "alone")
+    rows = [row(find_entrant("exploring"), EXPLORE, "pioneer", "poor")]
+    BenchmarkRun(together, rows, 3).run(1)
+    for episodes in (1, 2, 3):
+        BenchmarkRun(alone, rows, episodes).run(1)
+    assert contents(together) == contents(alone)
+    assert _in_batches(rows[0])
+    assert not _in_batches(row(find_entrant("gap-explorer"), EXPLORE))
+    assert not _in_batches(row(find_entrant("homing"), HOMING))
+
+
 def test_a_trained_agents_plan_and_facts_are_kept(folder: ResultsFolder, tmp_path: Path) -> None:
     file = tmp_path / "mine.albot"
     file.write_bytes(shipped_agents()["homing"].read_bytes())
@@ -182,7 +195,7 @@ def test_all_cells_grow_evenly(folder: ResultsFolder, monkeypatch: pytest.Monkey
 
     def run_parallel(runner: object, tasks: Iterable[Any], jobs: int) -> Iterator[list[Any]]:
         for group in tasks:
-            order.extend((group.key.seed, cell) for cell in group.cells)
+            order.extend((member.key.seed, member.cell) for member in group.members)
             yield from ()
 
     monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
