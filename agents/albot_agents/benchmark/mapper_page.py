@@ -117,13 +117,20 @@ def _reached(report: MapperReport, driver: str) -> str:
         priced = [name for name in good if name in report.costs]
         if priced:
             cheap = min(priced, key=lambda name: report.costs[name])
-            text += f"; `{cheap}` is the cheapest of them, at {report.costs[cheap]:.2g} times the "
+            text += (
+                f"; `{cheap}` is the cheapest of them, at {_times(report.costs[cheap])} times the "
+            )
             text += "cost of `odometry`"
         text += ")"
     elif rates:
         best = max(rates, key=lambda name: rates[name])
         text += f"; the best, `{best}`, does in {rates[best]:.0%}"
-    return text + ("." if without is None else f", and no mapper in {without:.0%}.")
+    return text + ("." if without is None else f"; without a mapper it is {without:.0%}.")
+
+
+def _times(cost: float) -> str:
+    """Return a cost in words: with one decimal below 10."""
+    return f"{cost:.1f}" if cost < 9.95 else f"{cost:,.0f}"
 
 
 def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator[str]:
@@ -183,7 +190,7 @@ def _table(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[st
     for row in rows:
         cells = [_written(row.figures.get(name), _COLUMNS[name][1]) for name in names]
         if priced:
-            cells.append(f"{costs[row.mapper]:.2g}" if row.mapper in costs else "–")
+            cells.append(_times(costs[row.mapper]) if row.mapper in costs else "–")
         yield f"| `{row.mapper}` | {' | '.join(cells)} | {row.episodes} |"
 
 

@@ -189,7 +189,8 @@ def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> 
     )
     assert reached == (
         "With the odometer `pioneer`, 1 of 3 mappers bring it home in 90% or more (`albot1`; "
-        "`albot1` is the cheapest of them, at 2 times the cost of `odometry`), and no mapper in 0%."
+        "`albot1` is the cheapest of them, at 2.0 times the cost of `odometry`); "
+        "without a mapper it is 0%."
     )
     assert failed == (
         "Of the 23 failures, 100% ended with home believed more than 1 m off: there the map failed."
@@ -208,7 +209,7 @@ def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> 
 
 def test_the_section_has_a_table_an_odometer(measured: list[CellResults]) -> None:
     more = [*measured, _homing("albot1", 10, 0.1, "poor")]
-    lines = list(mapper_section(_report(more, albot1=2.0), "mappers.png"))
+    lines = list(mapper_section(_report(more, albot1=620.4), "mappers.png"))
     assert "![success in coming home against what the map was like](mappers.png)" in lines
     assert [line for line in lines if line.startswith("Driver")] == [
         "Driver `map-homing`, odometer `pioneer`:",
@@ -217,7 +218,7 @@ def test_the_section_has_a_table_an_odometer(measured: list[CellResults]) -> Non
     row = next(line for line in lines if line.startswith("| `albot1`"))
     assert "| 100% (72%–100%) | 1.00 (1.00–1.00) | 0.10 (" in row
     assert row.endswith("| +1.50 (+1.50 to +1.50) | 75.0% (75.0%–75.0%) | 75% (75%–75%) "
-                        "| 90.0% (90.0%–90.0%) | 75% (75%–75%) | 2 | 10 |")  # fmt: skip
+                        "| 90.0% (90.0%–90.0%) | 75% (75%–75%) | 620 | 10 |")  # fmt: skip
     assert next(line for line in lines if line.startswith("| `ratslam`")).endswith("| – | 10 |")
     assert list(mapper_section(MapperReport())) == []
 
