@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from albot_env.recording.writer import EpisodeWriter
+from albot_env.tasks.core import journeys
+from albot_env.tasks.core.journeys import JourneyCache
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_maps import Room, World
 
@@ -34,6 +36,12 @@ def two_rooms() -> World:
         starts=np.array(((2.0, 2.0, 0.0), (8.0, 2.0, np.pi))),
         rooms=tuple(Room(name=k, boundary=np.array(v, float)) for k, v in outlines.items()),
     )
+
+
+@pytest.fixture(autouse=True)
+def every_journey_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Journeys that are new each time are made by every robot: episodes are compared in tests."""
+    monkeypatch.setattr(journeys, "_LATEST", JourneyCache(limit=0))
 
 
 @pytest.fixture

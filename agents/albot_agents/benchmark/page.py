@@ -156,12 +156,15 @@ def _says(report: Report) -> Iterator[str]:
         measured = report.protocol.tasks[task]
         if is_probe(task):
             continue
-        means: dict[str, float] = {}
         by_agent = _by_agent(report.rows_of(task), report.protocol.odometers[0])
-        for (agent, mapper), cells in by_agent.items():
-            values = [_compared(row, measured.figure) for row in cells.values()]
+        # Only agents that were measured in as many episodes are set beside each other.
+        fewest = {key: min(row.episodes for row in its.values()) for key, its in by_agent.items()}
+        means: dict[str, float] = {}
+        for (agent, mapper), its in by_agent.items():
+            values = [_compared(row, measured.figure) for row in its.values()]
             known = [value for value in values if value is not None]
-            if agent not in _UPPER_BOUNDS and len(known) == len(measured.worlds):
+            whole = len(known) == len(measured.worlds) and agent not in _UPPER_BOUNDS
+            if whole and fewest[agent, mapper] == max(fewest.values()):
                 means[_called(agent, mapper)] = sum(known) / len(known)
         if len(means) > 1:
             title = FIGURES[_named(measured.figure)].title
@@ -288,10 +291,19 @@ def _samples(report: Report, agent: str) -> str:
 
 def _short_cell(row: TableRow, names: Sequence[str]) -> str:
     texts = [
-        _written(row.figures.get(name), FIGURES[name].form, interval=name == names[-1])
+        _written(
+            row.figures.get(name),
+            FIGURES[name].form,
+            interval=name == names[-1] and _has_intervals(row, name),
+        )
         for name in names
     ]
     return " · ".join(texts)
+
+
+def _has_intervals(row: TableRow, name: str) -> bool:
+    """Return whether a figure's interval says something: one episode is not resampled."""
+    return row.episodes > 1 or name == "success_rate"
 
 
 def _written(estimate: Estimate | None, form: str, *, interval: bool = True) -> str:
@@ -332,10 +344,14 @@ def _detailed_table(rows: Sequence[TableRow], figure: str) -> Iterator[str]:
     for row in rows:
         cells = [row.cell.worlds, row.cell.odometer, _called(row.cell.agent, row.cell.mapper)]
         cells.append(str(row.episodes))
-        cells += [_written(row.figures.get(name), FIGURES[name].form) for name in names]
+        cells += [
+            _written(row.figures.get(name), FIGURES[name].form, interval=_has_intervals(row, name))
+            for name in names
+        ]
         told = row.difference
         apart = None if told is None else Estimate(value=told.value, ci95=told.ci95)
-        cells.append(_written(apart, "{:+.2f}"))
+        several = told is not None and told.episodes > 1
+        cells.append(_written(apart, "{:+.2f}", interval=several))
         yield f"| {' | '.join(cells)} |"
 
 

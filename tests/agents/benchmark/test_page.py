@@ -97,6 +97,17 @@ def test_the_best_agent_is_told_where_all_worlds_are_measured() -> None:
     said = "In homing, `homing` (albot1) is first: its mean SPL over the 7 kinds of worlds is 0.75,"
     assert said in " ".join(render_page(report(*found)).split())
     assert "is first" not in render_page(report(*found[:-3]))
+    # One that was measured in fewer episodes is not set beside the others.
+    luckier = [results(cell("random", worlds=kind), 1, 0.9) for kind in kinds]
+    assert said in " ".join(render_page(report(*found, *luckier)).split())
+
+
+def test_one_episode_has_no_interval_but_that_of_a_rate() -> None:
+    page = render_page(report(results(cell("oracle"), 1, 1.0), results(cell(), 1, 0.5)))
+    assert "| `albot1-homing` (albot1) | – | 0% · 0.50 | **1** |" in page
+    (row,) = lines(page, "| offices | pioneer | `albot1-homing`")
+    assert "| 0% (0%–79%) | 0.50 | 0.50 |" in row
+    assert row.endswith("| -0.50 |")
 
 
 def test_the_data_are_json_with_the_budget_of_each_agent() -> None:

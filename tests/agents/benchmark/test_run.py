@@ -18,6 +18,8 @@ from albot_agents.evaluation.plan import _loaded
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
+from albot_env.tasks.core import journeys
+from albot_env.tasks.core.journeys import JourneyCache
 from tests.env.quick import STROLL
 
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
@@ -108,21 +110,24 @@ def test_a_run_that_was_stopped_ends_as_one_that_was_not(tmp_path: Path) -> None
     assert contents(stopped) == contents(whole)
 
 
-def test_episodes_that_run_together_are_those_that_run_alone(tmp_path: Path) -> None:
-    """Agents that begin after a journey share the way that it takes, and nothing else."""
+def test_episodes_that_run_together_are_those_that_run_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Agents with the same equipment share their journey; others share the way that it takes."""
+    monkeypatch.setattr(journeys, "_LATEST", JourneyCache())
     together, alone = new_folder(tmp_path / "together"), new_folder(tmp_path / "alone")
     entrants = [
         replace(find_entrant(name), settings={"config": STROLL})
-        for name in ("oracle", "path-integration")
+        for name in ("oracle", "path-integration", "albot1-homing", "homing-blind")
     ]
     rows = [row(entrant, HOMING, "pioneer", "poor") for entrant in entrants]
     BenchmarkRun(together, rows, 1).run(1)
     for each in reversed(rows):
         for odometer in reversed(each.odometers):
-            _loaded.cache_clear()  # In a new world no way is known.
+            _loaded.cache_clear()  # In a new world no way and no journey is known.
             BenchmarkRun(alone, [replace(each, odometers=(odometer,))], 1).run(1)
     assert contents(together) == contents(alone)
-    assert len(together.read()) == 4
+    assert len(together.read()) == 8
     begins = {one.begin.tobytes() for found in together.read() for one in found.episodes}
     assert len(begins) == 1
 
