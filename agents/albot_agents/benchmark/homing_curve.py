@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64
 
 from albot_agents.benchmark.cell import EpisodeResult
 from albot_agents.benchmark.folder import CellResults
-from albot_agents.benchmark.mappers import WORLDS
+from albot_agents.benchmark.mappers import WORLDS, is_carried
 from albot_agents.benchmark.table import Estimate
 from albot_agents.registry import BY_MAP
 from albot_agents.task import config_kind
@@ -76,7 +76,7 @@ def fit_curve(results: Iterable[CellResults], driver: str) -> HomingCurve | None
         for found in results
         if (found.cell.task, found.cell.agent, found.cell.worlds) == (BY_MAP, driver, WORLDS)
         for one in found.episodes
-        if one.info.get("change") != "carried" and one.info.get("home_error_begin") is not None
+        if not is_carried(one) and one.info.get("home_error_begin") is not None
     ]
     errors = np.array([max(one.info["home_error_begin"], LEAST) for one in episodes], np.float64)
     success = np.array([bool(one.info["is_success"]) for one in episodes], np.bool_)

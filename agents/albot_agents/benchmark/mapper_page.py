@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -20,6 +21,7 @@ _ENOUGH = 0.9
 _COLUMNS: Mapping[str, tuple[str, str]] = {
     "success_rate": ("success", "{:.0%}"),
     "spl": ("SPL", "{:.2f}"),
+    "carried_rate": ("success if carried", "{:.0%}"),
     "home_error_begin": ("error of home at the beginning (m)", "{:.2f}"),
     "home_error": ("in the end (m)", "{:.2f}"),
     "blur": ("map entropy less the true map's (nats)", "{:+.2f}"),
@@ -29,6 +31,18 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
     "places_recall": ("recall of places", "{:.0%}"),
 }
 """Columns of the table: titles and formats of `MapperRow.figures`."""
+
+_EXPLANATION = (
+    "The same agent with each mapper, in the same episodes in random offices: coming home in "
+    "`Albot/HomingByMap-v0`, claims of `gap-explorer` in `Albot/Explore-v0`, places of "
+    "`place-judge` in `Albot/PlaceRecognition-v0`. The error of home is the distance between where "
+    "home is believed and where it is, seen from the robot; medians. In some episodes the robot "
+    "was carried before its return; errors, points and curve leave them out. The entropy is that "
+    "of all scans as the mapper laid them while exploring, less that of the same scans at the true "
+    "poses. In brackets: 95 % intervals."
+)
+_WIDTH = 100
+"""Width of the explanation's lines."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +83,10 @@ def sentences(report: MapperReport) -> list[str]:
     found.append(_reached(report, driver))
     if curve is not None and curve.failures:
         radius = config_kind(BY_MAP)().radius
-        found.append(
-            f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with home "
-            f"believed more than {radius:g} m off: there the map failed, in the others the driving."
-        )
+        text = f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with "
+        text += f"home believed more than {radius:g} m off: there the map failed"
+        others = ", in the others the driving" if curve.lost < curve.failures else ""
+        found.append(f"{text}{others}.")
     return found
 
 
@@ -104,13 +118,20 @@ def _reached(report: MapperReport, driver: str) -> str:
         priced = [name for name in good if name in report.costs]
         if priced:
             cheap = min(priced, key=lambda name: report.costs[name])
-            text += f"; `{cheap}` is the cheapest of them, at {report.costs[cheap]:.2g} times the "
+            text += (
+                f"; `{cheap}` is the cheapest of them, at {_times(report.costs[cheap])} times the "
+            )
             text += "cost of `odometry`"
         text += ")"
     elif rates:
         best = max(rates, key=lambda name: rates[name])
         text += f"; the best, `{best}`, does in {rates[best]:.0%}"
-    return text + ("." if without is None else f", and no mapper in {without:.0%}.")
+    return text + ("." if without is None else f"; without a mapper it is {without:.0%}.")
+
+
+def _times(cost: float) -> str:
+    """Return a cost in words: with one decimal below 10."""
+    return f"{cost:.1f}" if cost < 9.95 else f"{cost:,.0f}"
 
 
 def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator[str]:
@@ -129,13 +150,7 @@ def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator
         yield ""
         yield f"![success in coming home against what the map was like]({picture})"
     yield ""
-    yield "The same agent with each mapper, in the same episodes in random offices: coming home in"
-    yield "`Albot/HomingByMap-v0`, claims of `gap-explorer` in `Albot/Explore-v0`, places of"
-    yield "`place-judge` in `Albot/PlaceRecognition-v0`. The error of home is the distance between"
-    yield "where home is believed and where it is, seen from the robot; medians. The curve leaves"
-    yield "out episodes in which the robot was carried. The entropy is that of all scans as the"
-    yield "mapper laid them while exploring, less that of the same scans at the true poses. In"
-    yield "brackets: 95 % intervals."
+    yield from textwrap.wrap(_EXPLANATION, _WIDTH, break_long_words=False, break_on_hyphens=False)
     for driver in report.drivers:
         rows = [row for row in report.rows if row.driver == driver]
         for odometer in dict.fromkeys(row.odometer for row in rows):
@@ -176,7 +191,7 @@ def _table(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[st
     for row in rows:
         cells = [_written(row.figures.get(name), _COLUMNS[name][1]) for name in names]
         if priced:
-            cells.append(f"{costs[row.mapper]:.2g}" if row.mapper in costs else "–")
+            cells.append(_times(costs[row.mapper]) if row.mapper in costs else "–")
         yield f"| `{row.mapper}` | {' | '.join(cells)} | {row.episodes} |"
 
 

@@ -30,7 +30,8 @@ def mappers_figure(
 ) -> Figure:
     """Return the picture of one driver: its success against what the maps were like.
 
-    Each point is a mapper with an odometer, with 95 % intervals. The first panel shows the error of
+    Each point is a mapper with an odometer, with 95 % intervals, without the episodes in which the
+    robot was carried. The first panel shows the error of
     home (m) when the return begins, the fit to all single episodes, and their success in bins; the
     others show how blurred the map is after exploring, and what a reading costs, in costs of
     `odometry`, as far as these are known.
@@ -42,6 +43,7 @@ def mappers_figure(
     """
     blurred = any("blur" in row.figures for row in rows)
     priced = any(row.mapper in costs for row in rows)
+    rows = [row for row in rows if "uncarried_rate" in row.figures]
     widths = [1.7, *[1.0] * (blurred + priced)]
     figure = Figure(figsize=(3.2 * sum(widths) + 1.6, 4.6), layout="constrained")
     panels = figure.subplots(1, len(widths), sharey=True, width_ratios=widths, squeeze=False)[0]
@@ -106,7 +108,7 @@ def _use_log_scale(axes: Axes) -> None:
 
 
 def _draw_point(axes: Axes, rows: Sequence[MapperRow], row: MapperRow, x: Estimate) -> None:
-    success, style = row.figures["success_rate"], _style(rows, row.mapper, row.odometer)
+    success, style = row.figures["uncarried_rate"], _style(rows, row.mapper, row.odometer)
     axes.errorbar(
         x.value,
         success.value,

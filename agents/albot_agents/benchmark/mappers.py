@@ -23,7 +23,7 @@ from albot_agents.benchmark.run import Row
 from albot_agents.benchmark.table import Estimate, estimate
 from albot_agents.registry import BY_MAP, EXPLORE, PLACES, AgentEntry, agent_names, find_agent
 from albot_core.errors import InputError
-from albot_core.evaluation.intervals import bootstrap
+from albot_core.evaluation.intervals import bootstrap, wilson
 from albot_core.mappers.registry import NO_MAPPER, mapper_names, mapper_spec
 
 AGENTS: Mapping[str, str] = {BY_MAP: "map-homing", EXPLORE: "gap-explorer", PLACES: "place-judge"}
@@ -52,8 +52,10 @@ class MapperRow:
     """The figures that are known:
 
     - `success_rate`, `spl`: of coming home,
+    - `carried_rate`, `uncarried_rate`: the first in episodes in which the robot was carried before
+      the return, and in the others,
     - `home_error_begin`, `home_error`: median of the error of home when the return begins, and in
-      the end (m; see `MapFigures`),
+      the end, of these others (m; see `MapFigures`),
     - `blur`: mean excess of the map's entropy over that of the true map, after exploring (nats),
     - `claims_precision`, `claims_recall`: of claims to know a place, in exploring,
     - `places_precision`, `places_recall`: in place recognition."""
@@ -124,6 +126,11 @@ def _with_mapper(entrant: Entrant, mapper: str) -> Entrant:
     )
 
 
+def is_carried(episode: EpisodeResult) -> bool:
+    """Return whether the robot was carried before the return: no map can tell it where to."""
+    return bool(episode.info.get("change") == "carried")
+
+
 def has_own_mapper(cell: Cell) -> bool:
     """Return whether a cell is one of the table of agents: an agent with its own mapper."""
     return cell.agent not in agent_names() or find_agent(cell.agent).mapper == cell.mapper
@@ -158,8 +165,15 @@ def _place(order: Sequence[str], mapper: str) -> tuple[int, str]:
 def _row(cell: Cell, cells: Mapping[Cell, Sequence[EpisodeResult]]) -> MapperRow:
     episodes, found = cells[cell], estimate(cells[cell])
     figures = {name: each for name, each in found.items() if name in ("success_rate", "spl")}
+    carried = [one for one in episodes if is_carried(one)]
+    others = [one for one in episodes if not is_carried(one)]
+    for name, some in (("carried_rate", carried), ("uncarried_rate", others)):
+        if some:
+            home = sum(bool(one.info["is_success"]) for one in some)
+            interval = wilson(home, len(some))
+            figures[name] = Estimate(value=home / len(some), ci95=interval)
     for name in ("home_error_begin", "home_error"):
-        _add(figures, name, [one.info.get(name) for one in episodes], np.median)
+        _add(figures, name, [one.info.get(name) for one in others], np.median)
     for task, name in ((EXPLORE, "claims"), (PLACES, "places")):
         same = Cell(
             task=task,
@@ -168,15 +182,15 @@ def _row(cell: Cell, cells: Mapping[Cell, Sequence[EpisodeResult]]) -> MapperRow
             odometer=cell.odometer,
             worlds=cell.worlds,
         )
-        others = cells.get(same, ())
-        known = estimate(others) if others else {}
+        measured = cells.get(same, ())
+        known = estimate(measured) if measured else {}
         figures |= {
             f"{name}_{figure}": known[figure]
             for figure in ("precision", "recall")
             if figure in known
         }
         if task == EXPLORE:
-            _add(figures, "blur", [_blur(one) for one in others], np.mean)
+            _add(figures, "blur", [_blur(one) for one in measured], np.mean)
     return MapperRow(
         driver=cell.agent,
         mapper=cell.mapper,

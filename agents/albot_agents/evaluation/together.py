@@ -44,11 +44,10 @@ def run_together(
     """
     batch = _make_batch(trials)
     try:
-        names = "observation_config", "action_config", "robot_config"
-        configs = EnvironmentConfigs(*(getattr(batch, name) for name in names))
-        agents = [_make_agent(configs, batch, trial) for trial in trials]
+        agents = [_make_agent(batch, trial) for trial in trials]
         on_step(0)
         observations, infos = batch.reset(seed=[trial.seed for trial in trials])
+        configs = _configs(batch)
         logs = [
             EpisodeLog(trial, configs, _observation(observations, k), _row(infos, k))
             for k, trial in enumerate(trials)
@@ -62,12 +61,12 @@ def run_together(
             ]
             observations, _, terminated, truncated, infos = batch.step(np.array(actions))
             ended = terminated | truncated
-            final = infos.get("final_info", {})
             for k, log in enumerate(logs):
                 if not log.over:
-                    over = bool(ended[k])
-                    seen = infos["final_obs"][k] if over else _observation(observations, k)
-                    log.add(seen, _row(final if over else infos, k), over=over)
+                    seen, info = _observation(observations, k), _row(infos, k)
+                    if ended[k]:  # The batch shows the next episode already.
+                        seen, info = infos["final_obs"][k], _row(infos["final_info"], k)
+                    log.add(seen, info, over=bool(ended[k]))
     finally:
         batch.close()
     return [log.outcome for log in logs]
@@ -83,11 +82,17 @@ def _make_batch(trials: Sequence[Trial]) -> Any:
     )
 
 
-def _make_agent(configs: EnvironmentConfigs, batch: Any, trial: Trial) -> Any:
+def _make_agent(batch: Any, trial: Trial) -> Any:
     """Make an agent for an environment of a batch, and begin its episode as `begin_episode`."""
-    agent = make_agent(trial.agent, configs)
+    agent = make_agent(trial.agent, _configs(batch))
     agent.reset(np.random.default_rng((trial.seed, 1)), batch.single_action_space)
     return agent
+
+
+def _configs(batch: Any) -> EnvironmentConfigs:
+    """Return what an agent is told of a batch's environments."""
+    names = "observation_config", "action_config", "robot_config"
+    return EnvironmentConfigs(*(getattr(batch, name) for name in names))
 
 
 def _row(infos: Mapping[str, Any], k: int) -> dict[str, Any]:

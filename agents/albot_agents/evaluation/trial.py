@@ -114,12 +114,12 @@ class EpisodeLog:
     ) -> None:
         self.over = False
         """Whether it has ended."""
-        self._trial, self._observation, self._info = trial, observation, info
-        self._maps = MapFigures(configs, observation, info)
+        self._trial, self._info = trial, info
         self._begin = info["pose"].copy()
         self._path, self._coverages = [self._begin[:2]], [info.get("coverage")]
         self._explores = info["path_length"] == 0.0  # No outward journey covered ground.
         self._collisions, self._touched = 0, False
+        self._maps = MapFigures(configs, observation, info)
 
     @property
     def steps(self) -> int:
@@ -127,14 +127,15 @@ class EpisodeLog:
         return len(self._path) - 1
 
     def add(self, observation: Any, info: Mapping[str, Any], *, over: bool) -> None:
-        """Add the observation and info of a step, and whether the episode has ended with it."""
-        self._maps.add(observation, info)
+        """Add what came of a step, and whether the episode has ended with it."""
         self._path.append(info["pose"][:2].copy())
         self._coverages.append(info.get("coverage"))
         touches = bool(info["collided"])
         self._collisions += touches and not self._touched
-        self._touched, self.over = touches, over
-        self._observation, self._info = observation, info
+        self._maps.add(observation, info)
+        self._touched, self._info, self.over = touches, info, over
+        if over:
+            self._info = {**info, **self._maps.end(observation, info)}
 
     @property
     def outcome(self) -> Outcome:
@@ -142,7 +143,7 @@ class EpisodeLog:
         path = np.array(self._path)
         return Outcome(
             trial=self._trial,
-            info={**self._info, **self._maps.end(self._observation, self._info)},
+            info=self._info,
             start=self._info["start"],
             begin=self._begin,
             path=path,

@@ -96,6 +96,7 @@ def test_a_row_has_the_figures_of_all_tasks(measured: list[CellResults]) -> None
     assert found == pytest.approx(
         {
             "success_rate": 1.0,
+            "uncarried_rate": 1.0,
             "spl": 1.0,
             "home_error_begin": 0.1,
             "home_error": 0.1,
@@ -110,6 +111,19 @@ def test_a_row_has_the_figures_of_all_tasks(measured: list[CellResults]) -> None
     low, high = rows[3].figures["home_error_begin"].ci95
     assert low < 1.0 < high
     assert "blur" not in rows[3].figures
+
+
+def test_episodes_in_which_the_robot_was_carried_are_told_apart() -> None:
+    carried = _homing("albot1", 8, 5.0, change="carried")
+    infos = [dict(one.info) for one in carried.episodes]
+    infos[4:] = [{**info, "change": "none", "home_error_begin": 0.2} for info in infos[4:]]
+    rows = make_mapper_table([_results(carried.cell, infos), _homing("none", 0, 5.0)], PROTOCOL)
+    none, albot1 = (row.figures for row in rows)
+    assert (albot1["success_rate"].value, albot1["carried_rate"].value) == (0.8, 1.0)
+    assert albot1["carried_rate"].ci95 == pytest.approx((0.51, 1.0), abs=0.01)
+    assert albot1["uncarried_rate"].value == pytest.approx(4 / 6)
+    assert albot1["home_error_begin"].value == pytest.approx(0.2)
+    assert "carried_rate" not in none
 
 
 def test_an_agent_with_one_mapper_compares_none() -> None:
@@ -175,9 +189,17 @@ def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> 
     )
     assert reached == (
         "With the odometer `pioneer`, 1 of 3 mappers bring it home in 90% or more (`albot1`; "
-        "`albot1` is the cheapest of them, at 2 times the cost of `odometry`), and no mapper in 0%."
+        "`albot1` is the cheapest of them, at 2.0 times the cost of `odometry`); "
+        "without a mapper it is 0%."
     )
-    assert failed.startswith("Of the 23 failures, 100% ended with home believed more than 1 m off")
+    assert failed == (
+        "Of the 23 failures, 100% ended with home believed more than 1 m off: there the map failed."
+    )
+    stuck = [*measured[1:], _homing("albot1", 5, 0.1, home_error=0.5)]
+    assert sentences(_report(stuck))[2] == (
+        "Of the 28 failures, 82% ended with home believed more than 1 m off: there the map failed, "
+        "in the others the driving."
+    )
     worse = [each if each.cell.mapper != "albot1" else _homing("albot1", 7, 0.1)
              for each in measured if each.cell.task == BY_MAP]  # fmt: skip
     assert "0 of 3 mappers bring it home in 90% or more; the best, `albot1`, does in 70%" in (
@@ -187,7 +209,7 @@ def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> 
 
 def test_the_section_has_a_table_an_odometer(measured: list[CellResults]) -> None:
     more = [*measured, _homing("albot1", 10, 0.1, "poor")]
-    lines = list(mapper_section(_report(more, albot1=2.0), "mappers.png"))
+    lines = list(mapper_section(_report(more, albot1=620.4), "mappers.png"))
     assert "![success in coming home against what the map was like](mappers.png)" in lines
     assert [line for line in lines if line.startswith("Driver")] == [
         "Driver `map-homing`, odometer `pioneer`:",
@@ -196,7 +218,7 @@ def test_the_section_has_a_table_an_odometer(measured: list[CellResults]) -> Non
     row = next(line for line in lines if line.startswith("| `albot1`"))
     assert "| 100% (72%–100%) | 1.00 (1.00–1.00) | 0.10 (" in row
     assert row.endswith("| +1.50 (+1.50 to +1.50) | 75.0% (75.0%–75.0%) | 75% (75%–75%) "
-                        "| 90.0% (90.0%–90.0%) | 75% (75%–75%) | 2 | 10 |")  # fmt: skip
+                        "| 90.0% (90.0%–90.0%) | 75% (75%–75%) | 620 | 10 |")  # fmt: skip
     assert next(line for line in lines if line.startswith("| `ratslam`")).endswith("| – | 10 |")
     assert list(mapper_section(MapperReport())) == []
 
@@ -218,7 +240,7 @@ def test_the_picture_has_a_point_for_each_row_at_its_figures(measured: list[Cell
         if line.get_marker() in ("o", "s")
     }
     assert points == {
-        (row.figures["home_error_begin"].value, row.figures["success_rate"].value,
+        (row.figures["home_error_begin"].value, row.figures["uncarried_rate"].value,
          SERIES[["none", "albot1", "odometry", "ratslam"].index(row.mapper)])
         for row in report.rows
     }  # fmt: skip
