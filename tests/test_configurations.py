@@ -21,7 +21,9 @@ import albot_core
 import albot_env
 import albot_experiments
 import albot_maps
+from albot_agents.trained.encoders import PartEncoder
 from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_core.errors import InputError
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import OccupancyGridLayer
@@ -37,6 +39,8 @@ DEFAULTS = Path(__file__).with_name("defaults.json")
 """All defaults. `python -m tests.test_configurations` writes them."""
 EXAMPLES: tuple[Any, ...] = (
     NetworkConfig(inputs=3, layers=(4,), activation="tanh", outputs=2),
+    PartEncoder(part="map_patch", kind="convolution", begin=0, shape=(1, 4, 4)),
+    PretrainPlan(agent="albot1-homing"),
     AnswerActionConfig(most=3),
     ArrivalsObservationConfig(most=3),
     Door(hinge=(0.0, 0.0), heading=0.0, width=1.0),

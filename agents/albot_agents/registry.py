@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from albot_agents.agent import Agent, EnvironmentConfigs
+from albot_agents.scripted.driving import SENSED_PARTS
 from albot_agents.scripted.exploring import (
     AssociationExplorer,
     GapExplorerAgent,
@@ -16,6 +17,7 @@ from albot_agents.scripted.exploring import (
     RatSlamExplorer,
     RoundTripAgent,
 )
+from albot_agents.scripted.followers import HintFollower, HomeVectorFollower
 from albot_agents.scripted.homing import (
     Albot0Homing,
     Albot1Homing,
@@ -26,7 +28,7 @@ from albot_agents.scripted.homing import (
     RatSlamHoming,
 )
 from albot_agents.scripted.patch_homing import PatchHoming
-from albot_agents.scripted.place_judge import PlaceJudge
+from albot_agents.scripted.place_judge import DecisionStump, PlaceJudge
 from albot_agents.task import config_kind, is_probe, untwinned
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -34,10 +36,21 @@ from albot_core.errors import InputError, did_you_mean
 from albot_core.files import exists
 from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.actions import ActionConfig
-from albot_env.tasks.core.observation import BY_MAP_PARTS, DEFAULT_PARTS, ObservationConfig
+from albot_env.tasks.core.observation import (
+    BY_MAP_PARTS,
+    DEFAULT_PARTS,
+    HOMING_PARTS,
+    ObservationConfig,
+)
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, PLACE, WAY
+from albot_env.tasks.core.parts.matches import MATCHES
 
 EXPLORE, HOMING, BY_MAP = "Albot/Explore-v0", "Albot/Homing-v0", "Albot/HomingByMap-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v1", "Albot/PlaceRecognition-v0"
+
+_DRIVING = (*SENSED_PARTS, PLACE.name, MATCHES.name)
+"""At what all agents look that drive by laser, and claim to know places."""
+_BY_WAY = (*_DRIVING, WAY.name, CONFIDENCE.name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +65,8 @@ class AgentEntry:
     """Ids of the tasks that it can attempt."""
     parts: tuple[str, ...] = DEFAULT_PARTS
     """The parts of observations that a scripted agent expects if it is told of no environment."""
+    uses: tuple[str, ...] = ()
+    """All parts of observations at which a scripted agent looks, if they are observed."""
     mapper: str = "albot1"
     """The mapper used in evaluations unless another is requested."""
     sensors: Mapping[str, str] = field(default_factory=dict)
@@ -115,6 +130,7 @@ AGENTS = {
     Albot0Homing.name: AgentEntry(
         summary="Drives home by sonar alone, until Albot0 says that it is in the home ASR.",
         make=Albot0Homing,
+        uses=("sonar", "motion", "home", "exit", "way", "confidence"),
         tasks=(HOMING,),
         mapper="albot0",
         sensors={"laser": "none"},
@@ -122,45 +138,71 @@ AGENTS = {
     Albot1Homing.name: AgentEntry(
         summary="Drives home through the exits of Albot1's network of places.",
         make=Albot1Homing,
+        uses=_BY_WAY,
         tasks=(HOMING, BY_MAP),
     ),
     AssociationExplorer.name: AgentEntry(
         summary="Explores by short moves to nearby gaps, without a memory.",
         make=AssociationExplorer,
+        uses=_DRIVING,
         tasks=(EXPLORE,),
         mapper="association",
     ),
     AssociationHoming.name: AgentEntry(
         summary="Drives to the position of home in the global map of landmark association.",
         make=AssociationHoming,
+        uses=_BY_WAY,
         tasks=(HOMING, BY_MAP),
         mapper="association",
+    ),
+    DecisionStump.name: AgentEntry(
+        summary="Judges which place it has seen before by one feature over a threshold.",
+        make=DecisionStump,
+        tasks=(PLACES,),
     ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; reports places known to its mapper.",
         make=GapExplorerAgent,
+        uses=_DRIVING,
         tasks=(EXPLORE,),
+    ),
+    HintFollower.name: AgentEntry(
+        summary="Drives straight to the planner's hint, and turns away from what is near.",
+        make=HintFollower,
+        parts=HOMING_PARTS,
+        uses=HintFollower.PARTS,
+        tasks=(HOMING,),
+    ),
+    HomeVectorFollower.name: AgentEntry(
+        summary="Drives straight to where home is believed, and turns away from what is near.",
+        make=HomeVectorFollower,
+        uses=HomeVectorFollower.PARTS,
+        tasks=(HOMING, BY_MAP),
     ),
     MapHoming.name: AgentEntry(
         summary="Drives home by the route that its mapper gives, with any mapper.",
         make=MapHoming,
+        uses=_BY_WAY,
         tasks=(HOMING, BY_MAP),
         mapper="scan-matching",
     ),
     NearestFrontier.name: AgentEntry(
         summary="Explores by driving to the nearest frontier of the ground that it has covered.",
         make=NearestFrontier,
+        uses=_DRIVING,
         tasks=(EXPLORE,),
     ),
     Oracle.name: AgentEntry(
         summary="Knows the true map and pose, and drives the shortest path home: the upper bound.",
         make=Oracle,
+        uses=_DRIVING,
         tasks=(HOMING, BY_MAP),
         mapper="none",
     ),
     PathIntegration.name: AgentEntry(
         summary="Follows the odometer's home vector, without a map.",
         make=PathIntegration,
+        uses=_DRIVING,
         tasks=(HOMING, BY_MAP),
         mapper="none",
     ),
@@ -168,6 +210,7 @@ AGENTS = {
         summary="Drives home over what the patch of its map shows, back along its own trail.",
         make=PatchHoming,
         parts=BY_MAP_PARTS,
+        uses=(*_DRIVING, "map_patch"),
         tasks=(BY_MAP,),
     ),
     PlaceJudge.name: AgentEntry(
@@ -184,6 +227,7 @@ AGENTS = {
     RatSlamExplorer.name: AgentEntry(
         summary="Explores by taking each route that it sees, in narrow places in both directions.",
         make=RatSlamExplorer,
+        uses=_DRIVING,
         tasks=(EXPLORE,),
         mapper="ratslam",
     ),
@@ -191,11 +235,13 @@ AGENTS = {
         summary="Drives home by the quickest route over RatSLAM's experience map.",
         make=RatSlamHoming,
         mapper="ratslam",
+        uses=_BY_WAY,
         tasks=(HOMING, BY_MAP),
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
         make=RoundTripAgent,
+        uses=(*_BY_WAY, "time_left"),
         tasks=(ROUND_TRIP,),
     ),
 }

@@ -21,7 +21,7 @@ from typing import Any, Generic, TypeVar
 
 from albot_core.interrupts import INTERRUPTS, interrupts_deferred
 
-_CONTEXT = get_context("spawn")
+CONTEXT = get_context("spawn")
 """Spawned processes behave the same on every system, and inherit no threads."""
 
 Task = TypeVar("Task")
@@ -89,11 +89,11 @@ class _Worker(Generic[Task, Result]):
 
     def __init__(self, runner: TaskRunner[Task, Result], task: Task) -> None:
         self._runner = runner
-        self.link, other = _CONTEXT.Pipe()
-        self._step = _CONTEXT.RawValue("q", 0)
+        self.link, other = CONTEXT.Pipe()
+        self._step = CONTEXT.RawValue("q", 0)
         arguments = (runner, other, self._step)
-        self._process = _CONTEXT.Process(target=_serve, args=arguments, daemon=True)
-        with _blocked_interrupts():
+        self._process = CONTEXT.Process(target=_serve, args=arguments, daemon=True)
+        with interrupts_blocked():
             self._process.start()
         other.close()  # The process has its own end; when it dies, the link breaks.
         with suppress(ConnectionError):  # `receive` then finds that it has died.
@@ -158,7 +158,7 @@ def _die_with_parent() -> None:
 
 
 @contextmanager
-def _blocked_interrupts() -> Iterator[None]:
+def interrupts_blocked() -> Iterator[None]:
     """Block SIGINT and SIGTERM for processes started meanwhile; their parent ends them."""
     if sys.platform == "win32":
         yield

@@ -24,6 +24,7 @@ _ARCHIVES = {
     "albot-agent": AGENT,
     "albot-map": "a map that a mapper saved",
     "albot-checkpoint": "a checkpoint of a training run",
+    "albot-demonstrations": "demonstrations for a training",
 }
 """The formats of archives, by the name in their header."""
 _TEXTS = {

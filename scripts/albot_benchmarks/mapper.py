@@ -107,6 +107,34 @@ def measure_looping(
     return rows
 
 
+def relative_cost(name: str, readings: Sequence[Reading], rounds: int = 3) -> float:
+    """Return a mapper's processor time a reading, in those of `odometry`.
+
+    Both process all readings in turns; the best of several rounds counts.
+
+    Args:
+        name: The mapper.
+        readings: Readings with all sensors that it needs, and a laser.
+        rounds: Number of rounds.
+    """
+    beside = "odometry"
+    rates = best_rates({each: _whole_turn(each, readings) for each in (beside, name)}, rounds)
+    return rates[beside].cpu / rates[name].cpu
+
+
+def _whole_turn(name: str, readings: Sequence[Reading]) -> Callable[[], int]:
+    """Return a workload in which a mapper processes all readings."""
+    mapper = make_mapper(name)
+
+    def turn() -> int:
+        mapper.reset(np.random.default_rng(0))
+        for reading in readings:
+            mapper.update(reading)
+        return len(readings)
+
+    return turn
+
+
 def _single_turn(name: str, readings: Sequence[Reading]) -> Callable[[], int]:
     """Return a workload in which single mappers process all readings."""
     mappers = [make_mapper(name) for _ in range(_BATCH)]

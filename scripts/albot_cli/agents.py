@@ -1,4 +1,4 @@
-"""`albot agents`: list the agents, and write the model cards of trained ones."""
+"""`albot agents`: list the agents, write model cards, and draw learning curves."""
 
 from __future__ import annotations
 
@@ -8,16 +8,25 @@ from typing import Any
 
 import click
 
-from albot_cli.outputs import FORCE, JSON, FigureFile, check_file, check_suffix, figure_options
+from albot_cli.outputs import (
+    FORCE,
+    JSON,
+    FigureFile,
+    check_file,
+    check_folder,
+    check_suffix,
+    figure_options,
+    filled_folder,
+)
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 
-_FILE = PathType(dir_okay=False)
+_FILE, _FOLDER = PathType(dir_okay=False), PathType(file_okay=False)
 
 
 @click.group()
 def command() -> None:
-    """List the agents; write the model card of a trained one."""
+    """List the agents; write the card of a trained one; draw learning curves."""
 
 
 @command.command("list")
@@ -53,6 +62,13 @@ def list_agents(as_json: bool) -> None:
     type=_FILE,
     help="Figures to show: evaluation.json of `albot evaluate --out`; repeatable.",
 )
+@click.option(
+    "--runs",
+    multiple=True,
+    type=_FOLDER,
+    help="Show the learning curve of all seeds in this folder of `albot train --seeds`, or in this "
+    "run's; repeatable.  [default: the agent's own curve]",
+)
 @click.option("--out", type=_FILE, help="The card, a .md file.  [default: FILE's name with .md]")
 @figure_options("the learning curve")
 @FORCE
@@ -60,6 +76,7 @@ def list_agents(as_json: bool) -> None:
 def write_agents_card(
     file: Path,
     evaluations: tuple[Path, ...],
+    runs: tuple[Path, ...],
     out: Path | None,
     figure: FigureFile | None,
     force: bool,
@@ -67,7 +84,8 @@ def write_agents_card(
 ) -> None:
     """Write the model card of the trained agent in FILE, and its learning curve."""
     from albot_agents.trained.agent_file import read_agent
-    from albot_agents.trained.card import curve_figure, read_evaluation, write_card
+    from albot_agents.trained.card import own_curve, read_evaluation, write_card
+    from albot_agents.training.learning_curve import check_agent, read_curves
 
     card = out or file.with_suffix(".md")
     check_suffix(card, ".md", option="--out")
@@ -77,14 +95,69 @@ def write_agents_card(
             raise InputError("--out", "another file than the agent's", str(path))
         check_file(path, force=force)
     figures = [read_evaluation(path, agent) for path in evaluations]
-    curve = agent.training.curve
-    if figure is not None and not curve.get("samples"):
+    curves = read_curves(runs) if runs else None
+    if curves is not None:
+        check_agent(curves, agent.training.plan)
+    shown = own_curve(agent) if curves is None else curves
+    if figure is not None and shown is None:
         raise InputError("--figure", "an agent with a learning curve", f"{file} without one")
-    written = write_card(agent, file.stem, card, figures)
-    if figure is not None:
-        written.append(figure.save(curve_figure(curve)))
+    written = write_card(agent, file.stem, card, figures, curves)
+    if figure is not None and shown is not None:
+        written.append(figure.save(shown.figure()))
     if as_json:
         click.echo(json.dumps({"files": [str(path) for path in written]}))
         return
+    for path in written:
+        click.echo(path)
+
+
+@command.command("curve")
+@click.argument("folders", metavar="FOLDER...", nargs=-1, required=True, type=_FOLDER)
+@click.option(
+    "--out",
+    type=_FOLDER,
+    help="Folder for curve.csv, curve.json and curve.png.  [default: FOLDER, if it is one]",
+)
+@figure_options("the learning curve")
+@FORCE
+@JSON
+def write_curve(
+    folders: tuple[Path, ...],
+    out: Path | None,
+    figure: FigureFile | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write the learning curve of a training's runs, with its spread over their seeds.
+
+    FOLDER is that of `albot train --seeds`, which writes the same at its end, or that of a run;
+    several runs must differ only in their seeds. The picture shows the mean, the range from the
+    lowest to the highest, and each seed as a thin line; the mean ends where the shortest run does.
+    """
+    from albot_agents.training.learning_curve import (
+        FILES,
+        SPREAD,
+        read_curves,
+        seeds_text,
+        spread_text,
+    )
+
+    if out is None and len(folders) > 1:
+        raise InputError("--out", "a folder for the curve of several", "none")
+    # The files in the runs' own folder are theirs, made again.
+    target = folders[0] if out is None else out
+    check_folder(target, FILES, force=force or out is None)
+    curves = read_curves(folders)
+    with filled_folder(target) as scratch:
+        curves.write(scratch)
+    written = [target / name for name in FILES]
+    if figure is not None:
+        written.append(figure.save(curves.figure()))
+    if as_json:
+        click.echo(json.dumps({**curves.facts, "files": [str(path) for path in written]}))
+        return
+    ends = ", ".join(spread_text(name, found) for name, found in curves.last.items())
+    head = f"{curves.plan.task} with {curves.plan.algorithm}, {seeds_text(curves.curves)}"
+    click.echo(f"{head}, mean ({SPREAD}) at the end: {ends or 'none that all have'}")
     for path in written:
         click.echo(path)

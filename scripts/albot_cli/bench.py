@@ -264,10 +264,11 @@ def _learner(row: Figures) -> Iterator[str]:
         yield f"learner     not measured, missing: {row['missing']}"
     for run in row.get("runs", ()):
         inside = f" with {run['mapper']}" if run["mapper"] else " environment"
+        seen = f", {run['policy']}, {run['observation']} numbers"
         yield (
             f"learner     {row['num_envs']:7,d} at once   {run['samples_per_second']:8,.0f} "
             f"samples/s, {run['environment_share']:.0%} of the time in the environment: "
-            f"{run['id']}{inside}"
+            f"{run['id']}{inside}{seen}"
         )
 
 

@@ -18,10 +18,11 @@ from click.shell_completion import CompletionItem
 Completer: TypeAlias = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
 AGENTS = (
-    "albot0-homing", "albot1-homing", "association-explorer", "association-homing", "exploring",
-    "gap-explorer", "homing", "homing-blind", "homing-mapless", "map-homing", "nearest-frontier",
-    "oracle", "patch-homing", "path-integration", "place-judge", "place-recognition", "random",
-    "ratslam-explorer", "ratslam-homing", "round-trip",
+    "albot0-homing", "albot1-homing", "association-explorer", "association-homing",
+    "decision-stump", "exploring", "gap-explorer", "hint-follower", "home-vector", "homing",
+    "homing-blind", "homing-mapless", "map-homing", "nearest-frontier", "oracle", "patch-homing",
+    "path-integration", "place-judge", "place-recognition", "random", "ratslam-explorer",
+    "ratslam-homing", "round-trip",
 )  # fmt: skip
 ODOMETERS = (
     "ideal", "pioneer", "poor", "carpet", "stage", "albot1-disturbed", "bias-1.5", "bias-3",
@@ -33,6 +34,11 @@ SCENES = ("ideal", "paper", "ambiguous")
 ROBOTS = ("pioneer-3dx", "kobuki", "peoplebot")
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """Kinds of random worlds."""
+BENCHMARK_WORLDS = (
+    "offices", "apartments", "mazes", "rings", "halls", "warehouses", "plans", "scene",
+)  # fmt: skip
+"""Kinds of worlds of the benchmark."""
+BENCHMARK_ODOMETERS = ("pioneer", "ideal", "poor")
 NONE = "none"
 """No mapper, or no sensor of a sort."""
 
@@ -96,6 +102,7 @@ def _worlds() -> Iterable[str]:
 mapper_names = complete(_mappers)
 mapper_list = complete(_mappers, comma=True)
 robots_mapper_names = complete(lambda: (*_mappers(), NONE))
+compared_mapper_names = complete(lambda: (*_mappers(), NONE, "all"))
 agent_names = complete(lambda: AGENTS, files=True)
 played_agent_names = complete(lambda: (*AGENTS, "keyboard"), files=True)
 task_names = complete(_tasks)
@@ -104,6 +111,8 @@ experiment_names = complete(_experiments)
 world_names = complete(_worlds, files=True)
 kind_names = complete(lambda: KINDS)
 odometer_names = complete(lambda: ODOMETERS)
+benchmark_worlds = complete(lambda: BENCHMARK_WORLDS)
+benchmark_odometers = complete(lambda: BENCHMARK_ODOMETERS)
 laser_names = complete(lambda: (*LASERS, NONE))
 sonar_names = complete(lambda: (*SONARS, NONE))
 scene_names = complete(lambda: (*SCENES, NONE))

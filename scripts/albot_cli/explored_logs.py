@@ -15,8 +15,8 @@ from albot_agents.workers import TaskRunner, run_parallel
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.log import Log
+from albot_core.mappers.registry import NO_MAPPER
 from albot_env.recording.log import EpisodeLog
-from albot_env.tasks.core.settings import NO_MAPPER
 from albot_env.tasks.core.single import SingleEnv
 
 

@@ -18,7 +18,7 @@ _CLOSED_PIPE = 141
 """Exit status after the reader of the output has closed the pipe: that of SIGPIPE."""
 
 SUBCOMMANDS = {
-    "agents": "List the agents; write the model card of a trained one.",
+    "agents": "List the agents; write the card of a trained one; draw learning curves.",
     "bench": "Measure speed, each figure beside something run in the same minute.",
     "compare": "Set mappers side by side on the same readings.",
     "config": "Print the configuration of a task.",

@@ -68,7 +68,7 @@ def read_robots_config(mapper: str, path: Path) -> Any:
     Raises:
         InputError: The mapper is `none`; or as for `read_mapper_config`.
     """
-    from albot_env.tasks.core.settings import NO_MAPPER
+    from albot_core.mappers.registry import NO_MAPPER
 
     if mapper == NO_MAPPER:
         expected = f"no such option for a robot without a mapper (--mapper {NO_MAPPER})"

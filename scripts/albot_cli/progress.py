@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from math import inf
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import click
 
@@ -17,6 +17,7 @@ EVERY = 60.0
 """Time between two lines without a terminal (s)."""
 
 
+@runtime_checkable
 class ProgressCallback(Protocol):
     """Receives the progress."""
 
@@ -29,6 +30,14 @@ class ProgressCallback(Protocol):
             share: Share of the work that is done, by which the remaining time is estimated; by
                 default that of the steps.
         """
+
+
+@runtime_checkable
+class _Begin(Protocol):
+    """Begins a work."""
+
+    def __call__(self, description: str, total: int, start: int = 0) -> ProgressCallback:
+        """Return what receives its progress."""
 
 
 def can_redraw(stream: Any) -> bool:
@@ -70,9 +79,27 @@ def progress(
     Yields:
         A callable that takes the number of steps done so far.
     """
-    clock = _Clock(total, unit, start)
+    with progress_board(unit, every=every) as begin:
+        yield begin(description, total, start)
+
+
+@contextmanager
+def progress_board(unit: str = "", *, every: float | None = None) -> Iterator[_Begin]:
+    """Show the progress of several works at a time, each as by `progress`.
+
+    Args:
+        unit: Name of a step, in the plural.
+        every: Time between two lines of a work (s); by default `EVERY`.
+
+    Yields:
+        A callable that begins a work: it takes the arguments `description`, `total` and `start` of
+        `progress`, and returns a callable that takes the number of steps done so far.
+    """
     if is_json() or not can_redraw(sys.stderr):
-        yield _Lines(description, clock, inf if is_json() else EVERY if every is None else every)
+        every = inf if is_json() else EVERY if every is None else every
+        yield lambda description, total, start=0: _Lines(
+            description, _Clock(total, unit, start), every
+        )
         return
     # Imported here, so that a run without a terminal starts faster.
     from rich.console import Console
@@ -86,13 +113,18 @@ def progress(
         TextColumn("{task.fields[rest]}", markup=False),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(description, total=total, completed=start, rest="")
 
-        def update(done: int, note: str = "", share: float | None = None) -> None:
-            rest = "  ".join((*clock.figures(done, share), *filter(None, [note])))
-            bar.update(task, completed=done, rest=rest)
+        def begin(description: str, total: int, start: int = 0) -> ProgressCallback:
+            task = bar.add_task(description, total=total, completed=start, rest="")
+            clock = _Clock(total, unit, start)
 
-        yield update
+            def update(done: int, note: str = "", share: float | None = None) -> None:
+                rest = "  ".join((*clock.figures(done, share), *filter(None, [note])))
+                bar.update(task, completed=done, rest=rest)
+
+            return update
+
+        yield begin
 
 
 class _Clock:

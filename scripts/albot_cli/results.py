@@ -1,144 +1,230 @@
-"""`albot results`: measure the table of all agents, odometers and kinds of worlds."""
+"""`albot results`: run the benchmark, and make its page."""
 
 from __future__ import annotations
 
 import json
 import os
-import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
-from albot_cli.outputs import JSON, check_file
+from albot_cli.mapper_results import EVERY, draw_mappers, measure_costs, rows_of_mappers
+from albot_cli.outputs import JSON, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
-from albot_core.errors import InputError
+from albot_cli.signals import STOPPED
+from albot_core.counts import many
+from albot_core.errors import InputError, did_you_mean
+from albot_core.files import write_text
+from albot_core.interrupts import interrupts_deferred
 
 if TYPE_CHECKING:
-    from albot_agents.evaluation.comparison import Figures, PairedTrials
+    from albot_agents.benchmark.protocol import Protocol
+    from albot_agents.benchmark.run import BenchmarkRun, Row
 
-_PAGE = Path("docs/results.md")
-"""The project's page of results, in a clone."""
-_PLAN_SEEDS = "2000..2002"
-"""Seeds in each floor plan if none are given. It is not click's default, so that seeds without
-plans can be refused."""
+_PAGE = "results.md"
 
 
 @click.command()
 @click.option(
     "--out",
-    type=PathType(dir_okay=False),
-    default=lambda: _PAGE if _PAGE.exists() else Path(_PAGE.name),
-    show_default=f"{_PAGE} in a clone of the project, elsewhere {_PAGE.name}",
-    help="The page, a .md file; the figures go into a JSON file beside it.",
+    required=True,
+    type=PathType(file_okay=False),
+    help="Folder of the results. What it has is kept, and what it lacks is run.",
+)
+@click.option(
+    "--protocol",
+    "version",
+    type=CountType(1),
+    help="Version of the protocol.  [default: the folder's, or the latest]",
 )
 @click.option(
     "--task",
     "tasks",
     multiple=True,
     shell_complete=completion.task_names,
-    help="Measure only this task; repeatable. Rows of other tasks stay.",
+    help="Only this task; repeatable.",
 )
 @click.option(
-    "--seeds",
-    default="2000..2039",
-    show_default=True,
-    metavar="A..B",
-    help="Seeds of random worlds, both included.",
+    "--agent",
+    "agents",
+    multiple=True,
+    shell_complete=completion.agent_names,
+    help="Only this agent, by its name or its file; repeatable. A file is run in the task that it "
+    "was trained for, or in --task.",
+)
+@click.option(
+    "--mapper",
+    "mappers",
+    multiple=True,
+    metavar="NAME",
+    shell_complete=completion.compared_mapper_names,
+    help="Compare mappers: run this one under map-homing, gap-explorer and place-judge, or under "
+    f"--agent; `{EVERY}` for none and all that are installed; repeatable.",
+)
+@click.option(
+    "--worlds",
+    "kinds",
+    multiple=True,
+    metavar="KIND",
+    shell_complete=completion.benchmark_worlds,
+    help=f"Only these worlds: {completion.listed(completion.BENCHMARK_WORLDS)}; repeatable.",
+)
+@click.option(
+    "--odometer",
+    "odometers",
+    multiple=True,
+    shell_complete=completion.benchmark_odometers,
+    help=f"Only this odometer: {completion.listed(completion.BENCHMARK_ODOMETERS)}; repeatable.",
+)
+@click.option(
+    "--episodes",
+    type=CountType(0),
+    help="Only the first episodes of each cell; 0 for the page alone.  [default: the protocol's]",
 )
 @click.option(
     "--plans",
     type=PathType(file_okay=False, exists=True),
-    help="Folder of real floor plans in XML; without it, there are no rows for them.",
+    help="Folder of the real floor plans in XML; without it, none are run.",
 )
 @click.option(
-    "--plan-seeds",
-    metavar="A..B",
-    help=f"Seeds of the episodes in each floor plan.  [default: {_PLAN_SEEDS}]",
+    "--page",
+    type=PathType(dir_okay=False),
+    help="The page, a .md file; its figures go into a JSON file beside it.  "
+    f"[default: {_PAGE} in the folder]",
 )
 @click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
 @JSON
 def command(
     out: Path,
+    version: int | None,
     tasks: tuple[str, ...],
-    seeds: str,
+    agents: tuple[str, ...],
+    mappers: tuple[str, ...],
+    kinds: tuple[str, ...],
+    odometers: tuple[str, ...],
+    episodes: int | None,
     plans: Path | None,
-    plan_seeds: str | None,
+    page: Path | None,
     jobs: int | None,
     as_json: bool,
 ) -> int:
-    """Measure all agents in all tasks, and write the page of results.
+    """Run the benchmark's episodes that a folder lacks, and write the page of all that it has.
 
-    The page is rewritten after each task. If Ctrl-C stops it, the exit status is 130, and only the
-    figures of the current task are lost. A page whose figures are not beside it is not overwritten.
+    Tasks, worlds, seeds and odometers are those of a protocol, which is frozen (docs/benchmark.md).
+    It can be stopped at any time, also by `kill`: the same command goes on. If Ctrl-C stops it, the
+    page is written and the exit status is 130.
     """
-    from albot_agents.evaluation.comparison import COMPARISONS, PLANS, RANDOM, plan_paired_trials
-    from albot_agents.evaluation.plan import parse_seeds
-    from albot_agents.evaluation.results_page import read_figures, render_page, save_figures
+    from albot_agents.benchmark.folder import ResultsFolder
+    from albot_agents.benchmark.page import Report, page_data, render_lines, render_page
+    from albot_agents.benchmark.run import BenchmarkRun
     from albot_agents.task import find_task
-    from albot_core.files import write_text
 
-    known = [comparison.task for comparison in COMPARISONS]
-    tasks = tuple(map(find_task, tasks))
-    for task in tasks:
-        if task not in known:
-            raise InputError("--task", f"one of {', '.join(known)}", task)
-    if plans is None and plan_seeds is not None:
-        raise InputError("--plan-seeds", "--plans, the floor plans that they are for", "none")
-    if plans is not None and not any(plans.glob("*.xml")):
-        raise InputError("--plans", "a folder of floor plans in XML", str(plans))
-    plan_seeds = _PLAN_SEEDS if plan_seeds is None else plan_seeds
-    if out.suffix != ".md":
-        raise InputError("--out", "a name that ends in .md", str(out))
-    figures = out.with_suffix(".json")
-    if out.exists() and not figures.exists():
-        raise InputError(
-            out, f"a page with its figures in {figures.name}, or no file", "a page alone"
-        )
-    check_file(out, force=True)  # Existing rows are kept.
-    read_figures(figures)  # A file that is not one of figures raises before the work begins.
-    comparisons = [
-        comparison for comparison in COMPARISONS if not tasks or comparison.task in tasks
-    ]
-    worlds = {kind: [spec] for kind, spec in RANDOM.items()}
-    ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
-    if plans is not None:
-        worlds[PLANS] = [str(plans / "*.xml")]
-        ranges[PLANS] = parse_seeds(plan_seeds, "--plan-seeds")
-    planned = [plan_paired_trials([comparison], worlds, ranges) for comparison in comparisons]
-    said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
-    said += ["--seeds", seeds]
-    if plans is not None:
-        said += ["--plans", "$ALBOT_DATA/plans", "--plan-seeds", plan_seeds]
-    rows, measured = [], 0
-    for found in _measure(planned, jobs or os.cpu_count() or 1):
-        rows = save_figures(found, _line(said), figures)
-        write_text(out, render_page(rows))
-        measured += len(found)
-    facts = {"rows": rows, "files": {"page": str(out), "figures": str(figures)}}
-    click.echo(json.dumps(facts) if as_json else f"{measured} rows\n{out}\n{figures}")
-    return 0
+    page = out / _PAGE if page is None else page
+    _check_outputs(out, page)
+    folder = ResultsFolder(out, version)
+    if mappers:
+        named = tuple(map(find_task, tasks))
+        _check_names("--odometer", odometers, folder.protocol.odometers)
+        rows = rows_of_mappers(folder.protocol, mappers, named, agents, kinds, odometers)
+    else:
+        rows = _rows(folder.protocol, tasks, agents, kinds, odometers, plans)
+    folder.read()  # A damaged file raises before the work begins.
+    run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
+    stopped = _run(run, jobs or os.cpu_count() or 1)
+    if mappers and not stopped and episodes != 0:
+        stopped = measure_costs(out, [row.entrant.mapper for row in rows])
+    report = Report.of(folder)
+    with interrupts_deferred():
+        report = draw_mappers(report, page)
+        chosen = report.only({row.entrant.name for row in rows}) if agents else report
+        figures = page.with_suffix(".json")
+        write_text(figures, json.dumps(page_data(report), indent=1) + "\n")
+        write_text(page, render_page(report))
+    facts: dict[str, Any] = {"protocol": folder.protocol.protocol, "missing": run.missing}
+    files = {"page": str(page), "figures": str(figures)}
+    if report.picture is not None:
+        files["picture"] = str(page.with_name(report.picture))
+    facts |= {"stopped": stopped, "files": files}
+    if as_json:
+        click.echo(json.dumps(facts | {"rows": page_data(chosen)["rows"]}))
+    else:
+        lines = render_lines(chosen) if agents else []
+        left = f"{many(run.missing, 'episode')} to go" if run.missing else "complete"
+        click.echo("\n".join([*lines, left, str(page), str(figures)]))
+    return STOPPED if stopped else 0
 
 
-def _measure(planned: list[list[PairedTrials]], jobs: int) -> Iterator[Figures]:
-    """Yield the figures of one task after another."""
-    from albot_agents.evaluation.comparison import run_paired_trials
-
-    before = 0
-    with progress("results", sum(map(len, planned)), "trials") as update:
-        for paired_trials in planned:
-
-            def over(done: int, before: int = before) -> None:
-                update(before + done)
-
-            yield run_paired_trials(paired_trials, jobs, over)
-            before += len(paired_trials)
+def _check_outputs(out: Path, page: Path) -> None:
+    """Raise InputError if the folder or the page cannot be written."""
+    if page.suffix != ".md":
+        raise InputError("--page", "a name that ends in .md", str(page))
+    check_folder(out)
+    if page.parent != out:
+        for file in (page, page.with_suffix(".json")):
+            check_file(file, force=True)
 
 
-def _line(words: list[str]) -> str:
-    """Return the words as a command line; variables such as $ALBOT_DATA stay unquoted."""
-    return " ".join(word if word.startswith("$") else shlex.quote(word) for word in words)
+def _rows(
+    protocol: Protocol,
+    tasks: tuple[str, ...],
+    agents: tuple[str, ...],
+    kinds: tuple[str, ...],
+    odometers: tuple[str, ...],
+    plans: Path | None,
+) -> list[Row]:
+    """Return the rows that the options ask for.
+
+    Raises:
+        InputError: An option names what the protocol has not, or nothing is left.
+    """
+    from albot_agents.benchmark.entrant import find_entrant
+    from albot_agents.benchmark.protocol import PLANS
+    from albot_agents.benchmark.run import Row
+    from albot_agents.registry import agent_names
+    from albot_agents.task import find_task
+
+    named = tuple(map(find_task, tasks))
+    _check_names("--task", named, protocol.tasks)
+    _check_names("--worlds", kinds, protocol.worlds)
+    _check_names("--odometer", odometers, protocol.odometers)
+    if PLANS in kinds and plans is None:
+        raise InputError("--worlds", "--plans, the folder of the floor plans", "none")
+    entrants = [find_entrant(name) for name in dict.fromkeys(agents)]
+    rows = []
+    for task in named or protocol.tasks:
+        wanted = [kind for kind in protocol.tasks[task].worlds if not kinds or kind in kinds]
+        worlds = tuple(kind for kind in wanted if kind != PLANS or plans is not None)
+        chosen = odometers or protocol.odometers
+        for entrant in entrants or map(find_entrant, agent_names(task)):
+            trained_for_it = entrant.entry.file is None or task in entrant.entry.tasks
+            enters = entrant.entry.attempts(task) and (trained_for_it or named or not entrants)
+            if worlds and enters:
+                rows.append(Row(entrant=entrant, task=task, odometers=chosen, worlds=worlds))
+    if not rows:
+        found = ", ".join((*named, *agents, *kinds))
+        raise InputError("albot results", "an agent for a task that has such worlds", found)
+    return rows
+
+
+def _check_names(option: str, names: tuple[str, ...], known: Iterable[str]) -> None:
+    for name in names:
+        if name not in known:
+            found = f"{name}{did_you_mean(name, known)}"
+            raise InputError(option, f"one of {', '.join(known)}", found)
+
+
+def _run(run: BenchmarkRun, jobs: int) -> bool:
+    """Run what is missing; return whether Ctrl-C stopped it."""
+    if not run.missing:
+        return False
+    try:
+        with progress("results", run.missing, "episodes") as update:
+            run.run(jobs, update)
+    except KeyboardInterrupt:
+        return True
+    return False

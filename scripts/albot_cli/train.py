@@ -19,6 +19,7 @@ from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
+from albot_cli.train_seeds import seeds_as_text, train_with_seeds
 from albot_core.errors import InputError
 from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
@@ -26,6 +27,7 @@ from albot_env.vector.spinning import spin_briefly
 if TYPE_CHECKING:
     from albot_agents.training.plan import TrainingPlan
     from albot_agents.training.run_files import RunFolder
+    from albot_agents.training.seed_folder import SeedFolder, SeedRun
 
 _EVERY = 10.0
 """Time between two progress lines (s)."""
@@ -63,6 +65,17 @@ _FOLDER = PathType(file_okay=False)
     help="A whole number from 0 to 2³² − 1.  [default: the plan's]",
 )
 @click.option(
+    "--seeds",
+    metavar="A..B",
+    help="Train with each of these seeds, both included, or those of a list as 0,3,7: a run each "
+    "in a folder below --out, and one learning curve with its spread.",
+)
+@click.option(
+    "--jobs",
+    type=CountType(1),
+    help="Runs of --seeds at a time, a process for each.  [default: 1]",
+)
+@click.option(
     "--steps", type=CountType(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )
 @robot_option
@@ -79,6 +92,8 @@ def command(
     out: Path | None,
     resume: Path | None,
     seed: int | None,
+    seeds: str | None,
+    jobs: int | None,
     steps: int | None,
     robot: str | None,
     quiet: bool,
@@ -92,18 +107,35 @@ def command(
     --resume loses at most the samples after the last checkpoint. Ctrl-C writes a checkpoint and
     ends with exit status 130. best.albot and last.albot in the folder are agents for
     `albot evaluate --agent FILE`.
+
+    With --seeds, --resume FOLDER continues all runs that have not come to their end. Ctrl-C stops
+    each after its update; a second one stops them at once.
     """
     if task is not None and (file := Path(task)).suffix in _SUFFIXES:
         if config is not None:
             raise InputError("--config", f"no such option beside the plan {file}", str(config))
         task, config = None, file
+    if seed is not None and seeds is not None:
+        raise InputError("--seed", "no such option with --seeds", str(seed))
     if print_plan:
+        if seeds is not None:
+            raise InputError("--seeds", "no such option with --print-plan; --seed", seeds)
         _print_plan(task, config, resume, seed, steps, robot, as_json)
         return 0
     _check_installed()
     spin_briefly()
+    every = math.inf if quiet else _EVERY
+    if resume is not None:
+        _check_alone(config, out, seed, seeds, robot)
+    if seeds is not None or _has_seeds(resume):
+        found, runs = _begin_seeds(task, config, out, resume, seeds, steps, robot)
+        result = train_with_seeds(found, runs, jobs or 1, every)
+        click.echo(json.dumps(result) if as_json else seeds_as_text(result))
+        return STOPPED if result["stopped"] else 0
+    if jobs is not None:
+        raise InputError("--jobs", "no such option without --seeds", str(jobs))
     folder, plan = _begin(task, config, out, resume, seed, steps, robot)
-    result = _train(folder, plan, math.inf if quiet else _EVERY)
+    result = _train(folder, plan, every)
     click.echo(json.dumps(result) if as_json else _as_text(result))
     return STOPPED if result["stopped"] else 0
 
@@ -148,7 +180,7 @@ def _read_plan(
     from albot_agents.training.plan_file import read_plan, shipped_plan
 
     task = None if task is None else find_task(task)
-    changes = {"seed": seed, "n_timesteps": steps, "robot": robot}
+    changes: dict[str, Any] = {"seed": seed, "n_timesteps": steps, "robot": robot}
     if config is not None:
         return read_plan(config, task, tried=tried, **changes)
     if task is None:
@@ -171,19 +203,62 @@ def _begin(
 
     if resume is not None:
         task = None if task is None else find_task(task)
-        fixed = {"--config": config, "--out": out, "--seed": seed, "--robot": robot}
-        for name, value in fixed.items():
-            if value is not None:
-                raise InputError(name, "no such option with --resume", str(value))
         folder = RunFolder(resume)
         return folder, folder.resume(task, n_timesteps=steps)
     plan = _read_plan(task, config, seed, steps, robot)
     if out is None:
         out = free_folder(_RUNS, plan)
     check_folder(out)
+    if _has_seeds(out):
+        raise InputError(
+            out, f"a folder without runs (or --resume {out})", "those of several seeds"
+        )
     folder = RunFolder(out)
     folder.begin(plan, _command(sys.argv[1:]))
     return folder, plan
+
+
+def _check_alone(
+    config: Path | None, out: Path | None, seed: int | None, seeds: str | None, robot: str | None
+) -> None:
+    """Raise InputError if an option is given that a run which is resumed has already."""
+    fixed = {"--config": config, "--out": out, "--seed": seed, "--seeds": seeds, "--robot": robot}
+    for name, value in fixed.items():
+        if value is not None:
+            raise InputError(name, "no such option with --resume", str(value))
+
+
+def _has_seeds(folder: Path | None) -> bool:
+    """Return whether a folder holds the runs of several seeds."""
+    from albot_agents.training.seed_folder import SeedFolder
+
+    return folder is not None and SeedFolder(folder).seeds.is_file()
+
+
+def _begin_seeds(
+    task: str | None,
+    config: Path | None,
+    out: Path | None,
+    resume: Path | None,
+    seeds: str | None,
+    steps: int | None,
+    robot: str | None,
+) -> tuple[SeedFolder, dict[int, SeedRun]]:
+    """Make or find the folder of several seeds; return it and the run of each seed."""
+    from albot_agents.task import find_task
+    from albot_agents.training.run_files import free_folder
+    from albot_agents.training.seed_folder import SeedFolder, parse_seed_list
+
+    if resume is not None:
+        task = None if task is None else find_task(task)
+        folder = SeedFolder(resume)
+        return folder, folder.resume(task, n_timesteps=steps)
+    chosen = parse_seed_list(seeds or "")
+    plan = _read_plan(task, config, None, steps, robot)
+    out = free_folder(_RUNS, plan) if out is None else out
+    check_folder(out)
+    folder = SeedFolder(out)
+    return folder, folder.begin(plan, chosen, _command(sys.argv[1:]))
 
 
 def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any]:

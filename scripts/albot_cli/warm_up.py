@@ -87,8 +87,7 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
     from albot_agents.registry import agent_names
     from albot_agents.task import is_probe, short_name, task_names, untwinned
     from albot_core.mappers.precompile import precompile
-    from albot_core.mappers.registry import MAPPERS, installed_mappers
-    from albot_env.tasks.core.settings import NO_MAPPER
+    from albot_core.mappers.registry import MAPPERS, NO_MAPPER, installed_mappers
 
     # The most used parts come first, so that an interrupted call has done the most useful work.
     tasks = [task for task in task_names() if not is_probe(task)]  # They run the same code.

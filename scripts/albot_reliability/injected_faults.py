@@ -232,7 +232,7 @@ EQUAL: Mapping[tuple[str, str], str] = {
     ): "no more processes are begun than there are journeys to make",
     (
         "agents/albot_agents/workers.py",
-        'self._step = _CONTEXT.RawValue("q", 1)',
+        'self._step = CONTEXT.RawValue("q", 1)',
     ): "it is set to 0 again before the process gets its first task",
     (
         "core/albot_core/mappers/slam/particle_slam.py",

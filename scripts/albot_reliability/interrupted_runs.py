@@ -32,7 +32,9 @@ from unittest.mock import patch
 import yaml
 
 import albot_agents.workers as workers
-from albot_agents.evaluation import comparison
+from albot_agents.benchmark import folder as results_folder
+from albot_agents.benchmark import run as benchmark_run
+from albot_agents.benchmark.protocol import find_protocol
 from albot_cli.main import main
 from albot_env.recording.episode import Moment
 from albot_env.recording.writer import EpisodeWriter
@@ -74,7 +76,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "train": ("--config", "plan.yml", "--out", "run"),
     "evaluate": ("Albot/Explore-v0", "--agent", "gap-explorer", "--mapper", "none", *_STEPS,
                  "--seeds", "1..4", "--out", "out"),
-    "results": ("--out", "page.md", "--seeds", "1..2", "--jobs", "2"),
+    "results": ("--out", "results", "--agent", "random", "--odometer", "pioneer",
+                "--episodes", "2", "--jobs", "2"),
     "stress": (*_STEPS, "--count", "4", "--agent", "gap-explorer", "--json"),
 }  # fmt: skip
 """The arguments of each subcommand."""
@@ -107,19 +110,15 @@ def prepare() -> dict[str, float]:
     import torch
 
     torch.set_num_threads(1)
-    workers._CONTEXT = _FORKING  # type: ignore[assignment]
-    # Few and short episodes, but two tasks, so that the page is written twice.
-    comparison.COMPARISONS = tuple(  # type: ignore[assignment]
-        comparison.Comparison(
-            task=task,
-            agents=("random",),
-            figure="spl",
-            kinds=(comparison.OFFICES,),
-            settings={"max_episode_steps": 10, "mapper": "none"},
-        )
+    workers.CONTEXT = _FORKING  # type: ignore[assignment]
+    # Few and short episodes, of two tasks.
+    protocol = find_protocol()
+    tasks = {
+        task: replace(protocol.tasks[task], steps=10, worlds=("mazes",))
         for task in ("Albot/Explore-v0", "Albot/ExploreAndHome-v1")
-    )
-    comparison.RANDOM[comparison.OFFICES] = "random:maze"
+    }
+    short = replace(protocol, tasks=tasks)
+    vars(results_folder)["find_protocol"] = lambda version: short
     _load()
     lengths = {}
     for command, words in COMMANDS.items():
@@ -141,7 +140,7 @@ def _load() -> None:
         _folder() as folder,
         chdir(folder),
         patch.object(workers, "run_parallel", _run_here),
-        patch.object(comparison, "run_parallel", _run_here),
+        patch.object(benchmark_run, "run_parallel", _run_here),
         # After torch has computed gradients in a process, it cannot do so in a forked child.
         patch.object(PPO, "train", lambda self: None),
     ):

@@ -119,6 +119,7 @@ What is promised, and was checked after each run:
   a killed process lacks its end: at most the last {CHUNK_MOMENTS - 1} moments, less than a second
   of the robot's time. `albot play` plays it up to its last complete chunk, and says so.
 - **A training goes on** with `--resume` from its last checkpoint.
+- **A benchmark goes on** with the same `albot results`, from the last episodes that were kept.
 - **An interrupt leaves nothing behind**: no temporary files, no processes. A killed process cannot
   tidy up: a hidden file `.NAME.…` may stay beside its place (`--resume` clears away those of a
   training), and a folder `albot-…` among the system's temporary ones. Its worker processes end by
@@ -132,7 +133,7 @@ A computer that loses its power is another matter: nothing is forced to the disk
 What is there is never overwritten unasked. A command that is to write a file that exists, or into a
 folder that holds files of these names, refuses; `--force` overwrites them. `albot play` numbers the
 files that nobody named: `episode.mcap`, `episode-1.mcap`, …. Only `albot results` keeps a page up
-to date, whose figures lie beside it. A file is written to where its symbolic link leads; a pipe or
-a device gets the bytes, but no episode goes into a pipe. Commands make the folder that they are
-given, and none above it.
+to date, and adds to the folder of its episodes. A file is written to where its symbolic link leads;
+a pipe or a device gets the bytes, but no episode goes into a pipe. Commands make the folder that
+they are given, and none above it.
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from albot_agents.evaluation.results_page import read_figures, render_page
+from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.checkpoint import checkpoints, read_checkpoint
 from albot_agents.training.plan_file import read_plan
@@ -123,11 +123,15 @@ def _check_evaluate(folder: Path, killed: bool, moments: int | None) -> dict[str
 
 
 def _check_results(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
-    page = folder / "page.md"
-    rows = read_figures(page.with_suffix(".json"))
-    earlier = [row for row in rows if row["task"] != rows[-1]["task"]]
-    if page.exists() and page.read_text() not in (render_page(rows), render_page(earlier)):
-        raise BrokenPromiseError("a page that is not that of its figures")
+    results = ResultsFolder(folder / "results")
+    kept = sum(len(cell.episodes) for cell in results.read())
+    page, figures = results.path / "results.md", results.path / "results.json"
+    if figures.exists():
+        rows = json.loads(figures.read_text())["rows"]
+        if sum(row["episodes"] for row in rows) > kept:
+            raise BrokenPromiseError("figures of episodes that were not kept")
+    if page.exists() and not figures.exists():
+        raise BrokenPromiseError("a page without its figures")
     return {}
 
 

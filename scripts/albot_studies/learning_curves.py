@@ -34,7 +34,8 @@ from albot_maps.generators.spec import seeded
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from albot_agents.training.imitation import Actions, Imitator, Observations, Teachers
+    from albot_agents.training.imitation import Actions, Imitator
+    from albot_agents.training.teachers import Observations, Teachers
 
 LINES = (("scripted", WALL, "--"), ("untrained", PARTICLE, ":"), ("still", HOME, "-."))
 """Who stands beside the network, with the colour and the style of its line."""
@@ -196,7 +197,7 @@ class Classroom:
 
     def teachers(self, robots: int) -> Teachers:
         """Return a scripted agent for each of some robots."""
-        from albot_agents.training.imitation import Teachers  # slow to load
+        from albot_agents.training.teachers import Teachers  # slow to load
 
         return Teachers(self.lesson.teacher, self._configs, self._actions, robots)
 

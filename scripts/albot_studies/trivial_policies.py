@@ -5,8 +5,7 @@ Each policy meets the same episodes: the same worlds, starts, outward journeys a
 
 - *still*, *spin*, *to and fro*, *along walls*: drive so, and say nothing;
 - *declare at once*: says that it is home in the first step;
-- *home vector*: drives straight to where home is believed, and declares there;
-- *hint*: turns to the planner's point ahead, without a laser, and declares at home;
+- *home-vector*, *hint-follower*: the agents of these names;
 - *wait, then scripted*: stands still for half of the time, then acts as the scripted agent;
 - *scripted*: the scripted agent of the task;
 - *scripted, no claims*, *all claims*, *flag claims*: the same, but it never claims to know a place,
@@ -16,7 +15,6 @@ Each policy meets the same episodes: the same worlds, starts, outward journeys a
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -34,9 +32,8 @@ from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.evaluation.intervals import bootstrap
 from albot_core.files import write_text
-from albot_env.tasks.core.observation import HINTS, ObservationConfig
-from albot_env.tasks.core.parts.beliefs import HOME, PLACE, WAY
-from albot_env.tasks.core.parts.ground import SHORTCUT
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.parts.beliefs import PLACE, WAY
 from albot_env.tasks.core.parts.sensors import LASER
 from albot_maps import World, load_world
 
@@ -49,6 +46,8 @@ TASKS = {
     "Albot/ExploreAndHome-v1": "round-trip",
 }
 """The tasks in which the agent drives, and the scripted agent of each."""
+FOLLOWERS = ("home-vector", "hint-follower")
+"""Policies that are agents."""
 STEPS = {"Albot/Explore-v0": 3000}
 """Number of steps after which an episode is truncated, where not by the task's own limit."""
 
@@ -65,7 +64,7 @@ class Setting:
     limit: int
     """Number of steps after which its episodes end."""
     scripted: Act
-    """The task's scripted agent."""
+    """The policy, if it is an agent; else the task's scripted agent."""
 
     def action(self, speed: float, turn: float, *says: str) -> np.ndarray:
         """Return an action: shares of the greatest speed and turn rate, and what is said."""
@@ -112,28 +111,6 @@ def declare_at_once(setting: Setting, observation: Any, step: int) -> np.ndarray
     return setting.action(0.0, 0.0, "declare")
 
 
-def _towards(setting: Setting, point: np.ndarray, home: np.ndarray) -> np.ndarray:
-    """Turn to a point (m, robot's frame) and drive there; declare at home."""
-    if math.hypot(*home) < 0.3:
-        return setting.action(0.0, 0.0, "declare")
-    bearing = math.atan2(point[1], point[0])
-    return setting.action(0.5 if abs(bearing) < 0.5 else 0.0, bearing)
-
-
-def home_vector(setting: Setting, observation: Any, step: int) -> np.ndarray:
-    """Drive straight to where home is believed."""
-    home = setting.decode(HOME, observation)
-    return _towards(setting, home, home)
-
-
-def hint(setting: Setting, observation: Any, step: int) -> np.ndarray:
-    """Drive straight to the planner's point ahead."""
-    home = setting.decode(HOME, observation)
-    shown = setting.configs.observations
-    ahead = [setting.decode(part, observation) for part in (SHORTCUT, WAY) if shown.observes(part)]
-    return _towards(setting, next((point for point in ahead if point is not None), home), home)
-
-
 def wait_then_scripted(setting: Setting, observation: Any, step: int) -> np.ndarray:
     """Stand still for half of the time."""
     action = setting.scripted(observation, step)
@@ -161,8 +138,7 @@ POLICIES: dict[str, Callable[[Setting, Any, int], np.ndarray]] = {
     "to and fro": to_and_fro,
     "along walls": along_walls,
     "declare at once": declare_at_once,
-    "home vector": home_vector,
-    "hint": hint,
+    **dict.fromkeys(FOLLOWERS, scripted),
     "wait, then scripted": wait_then_scripted,
     "scripted, no claims": partial(claiming, "never"),
     "scripted, all claims": partial(claiming, "always"),
@@ -175,9 +151,9 @@ POLICIES: dict[str, Callable[[Setting, Any, int], np.ndarray]] = {
 def policies_for(names: Sequence[str], parts: Sequence[str]) -> Iterator[str]:
     """Yield the policies that differ in a task whose actions and observations have these names."""
     for policy in POLICIES:
-        if policy == "hint" and not set(HINTS) & set(parts):
+        if policy == "hint-follower" and WAY.name not in parts:
             continue
-        if policy in ("declare at once", "home vector", "hint") and "declare" not in names:
+        if policy in ("declare at once", *FOLLOWERS) and "declare" not in names:
             continue
         if "claims" in policy and "claim" not in names:
             continue
@@ -220,7 +196,7 @@ def run_episode(task: str, world: World, seed: int, policy: str) -> Episode:
     """
     env = make_environment(task, world)
     configs = EnvironmentConfigs.of(env)
-    agent = make_agent(TASKS[task], configs)
+    agent = make_agent(policy if policy in FOLLOWERS else TASKS[task], configs)
     agent.reset(np.random.default_rng((seed, 1)), env.action_space)
     limit = env.spec.max_episode_steps or 3000
     setting = Setting(

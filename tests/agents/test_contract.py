@@ -15,7 +15,7 @@ from albot_agents.task import config_kind
 from albot_core.errors import InputError
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
 
-JUDGES = {"place-judge", "place-recognition"}
+JUDGES = {"decision-stump", "place-judge", "place-recognition"}
 """Those who judge places and drive nothing."""
 DRIVERS = [
     (name, task)
@@ -49,6 +49,33 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
         if over:
             break
     return actions
+
+
+class _Watched(dict[str, Any]):
+    """An observation by part that keeps the names of the parts that were looked at."""
+
+    def __init__(self, parts: Any, looked_at: set[str]) -> None:
+        super().__init__(parts)
+        self._looked_at = looked_at
+
+    def __getitem__(self, part: str) -> Any:
+        self._looked_at.add(part)
+        return super().__getitem__(part)
+
+
+@pytest.mark.parametrize(("name", "task"), DRIVERS)
+def test_an_agent_looks_at_no_other_parts_than_it_says(name: str, task: str) -> None:
+    """Else it could not be shown them where a learner observes less."""
+    agent, env = _begun(name, task, "dict")
+    observation, info = begin_episode(env, agent, 0)
+    looked_at: set[str] = set()
+    for _ in range(20):
+        action = choose_action(agent, _Watched(observation, looked_at), info)
+        observation, _, over, _, info = env.step(action)
+        if over:
+            break
+    assert looked_at
+    assert looked_at <= set(AGENTS[name].uses)
 
 
 @pytest.mark.parametrize(("name", "task"), DRIVERS)
@@ -101,7 +128,10 @@ def test_the_agents_are_these() -> None:
         "albot1-homing",
         "association-explorer",
         "association-homing",
+        "decision-stump",
         "gap-explorer",
+        "hint-follower",
+        "home-vector",
         "map-homing",
         "nearest-frontier",
         "oracle",
@@ -158,7 +188,8 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
         (
             "gap-explorer",
             "Albot/Homing-v0",
-            "albot0-homing, albot1-homing, association-homing, map-homing, oracle, ",
+            "albot0-homing, albot1-homing, association-homing, hint-follower, home-vector, "
+            "map-homing, oracle, ",
         ),
         ("nearest-frontier", "Albot/ExploreAndHome-v1", "random, round-trip"),
         # At the start they are at home, and stay.

@@ -11,6 +11,7 @@ import pytest
 from click.shell_completion import CompletionItem, ShellComplete
 
 from albot_agents import registry
+from albot_agents.benchmark.protocol import find_protocol
 from albot_agents.task import short_name, task_names
 from albot_cli import completion
 from albot_cli.group import albot
@@ -48,6 +49,8 @@ def _completed(line: str, last: str = "") -> list[str]:
         (completion.ODOMETERS, ODOMETERS),
         (completion.ROBOTS, ROBOTS),
         (completion.KINDS, KINDS),
+        (completion.BENCHMARK_WORLDS, find_protocol().worlds),
+        (completion.BENCHMARK_ODOMETERS, find_protocol().odometers),
         (completion.LASERS, LASERS),
         (completion.SONARS, SONARS),
         (completion.SCENES, SCENES),
@@ -67,6 +70,8 @@ def test_the_names_are_those_of_the_registries(
         ("train", TASKS),
         ("evaluate", TASKS),
         ("results --task", TASKS),
+        ("results --worlds", completion.BENCHMARK_WORLDS),
+        ("results --odometer", completion.BENCHMARK_ODOMETERS),
         ("mappers", MAPPERS),
         ("map LOG --mapper", MAPPERS),
         ("compare LOG --mappers", MAPPERS),
@@ -91,7 +96,7 @@ def test_the_names_are_those_of_the_registries(
         ),
         *(
             (f"{command} --agent", completion.AGENTS)
-            for command in ("evaluate homing", "stress", "compare LOG")
+            for command in ("evaluate homing", "stress", "compare LOG", "results")
         ),
         *((f"{command} --robot", ROBOTS) for command in ("play", "train homing")),
     ],

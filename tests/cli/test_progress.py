@@ -10,7 +10,7 @@ import click
 import pytest
 
 from albot_cli import progress as progress_module
-from albot_cli.progress import can_redraw, progress
+from albot_cli.progress import can_redraw, progress, progress_board
 
 
 @pytest.fixture
@@ -33,6 +33,24 @@ def test_a_line_is_told_now_and_then(
     assert err.splitlines() == [
         "train: 21,000 of 100,000 samples, 2,000 samples/s, 0:00:40 left, at 10",
         "train: 41,000 of 100,000 samples, 2,000 samples/s, 0:00:30 left, at 20",
+    ]
+
+
+def test_each_of_several_works_has_its_own_rate_since_its_beginning(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress_board("samples", every=10.0) as begin:
+        first = begin("seed 0", 1000)
+        clock[0] += 10.0
+        first(100)
+        second = begin("seed 1", 1000, 500)
+        clock[0] += 10.0
+        first(200)
+        second(900)
+    assert capsys.readouterr().err.splitlines() == [
+        "seed 0: 100 of 1,000 samples, 10 samples/s, 0:01:30 left",
+        "seed 0: 200 of 1,000 samples, 10 samples/s, 0:01:20 left",
+        "seed 1: 900 of 1,000 samples, 40 samples/s, 0:00:02 left",
     ]
 
 

@@ -1,79 +1,190 @@
-"""`albot results` on figures that are there already."""
+"""`albot results`: what it runs, what it writes, and what it refuses before it writes anything."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import Result
 
-from albot_agents.evaluation import comparison
-from albot_agents.evaluation.comparison import OFFICES, Comparison, Figures
+from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.protocol import Protocol, find_protocol
+from albot_agents.trained.trained_agent import shipped_agents
+from albot_agents.workers import TaskRunner
+from albot_core.errors import InputError
 from tests.cli.conftest import expect_error, figures
 
-TOY = Comparison(
-    task="Albot/Homing-v0", agents=("oracle",), figure="spl", kinds=(OFFICES,), settings={}
+EXPLORE = ("--task", "explore", "--worlds", "mazes", "--odometer", "pioneer")
+RANDOM = (*EXPLORE, "--agent", "random")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Episodes are of ten steps, and run in this process."""
+
+    def find(version: int) -> Protocol:
+        protocol = find_protocol(version)
+        tasks = {task: replace(each, steps=10) for task, each in protocol.tasks.items()}
+        return replace(protocol, tasks=tasks)
+
+    def run_parallel(
+        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
+    ) -> Generator[Any, None, None]:
+        yield from (runner.run(task, lambda step: None) for task in tasks)
+
+    monkeypatch.setattr("albot_agents.benchmark.folder.find_protocol", find)
+    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+
+
+def test_what_is_missing_is_run_and_the_page_is_of_all(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    out = tmp_path / "results"
+    first = figures(call("results", "--out", out, *RANDOM, "--episodes", 1, "--json"))
+    assert first["missing"] == 0
+    assert first["stopped"] is False
+    assert [(row["agent"], row["episodes"]) for row in first["rows"]] == [("random", 1)]
+    agents = ("--agent", "gap-explorer", "--agent", "random")
+    both = figures(call("results", "--out", out, *EXPLORE, *agents, "--episodes", 2, "--json"))
+    assert [row["episodes"] for row in both["rows"]] == [2, 2]
+    assert both["rows"][1]["difference"]["episodes"] == 2
+    page = (out / "results.md").read_text()
+    assert "`gap-explorer`" in page
+    assert "`random`" in page
+    data = json.loads((out / "results.json").read_text())
+    assert data["rows"] == both["rows"]
+
+
+def test_a_file_is_scored_in_its_own_task_and_its_lines_are_told(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    file = tmp_path / "mine.albot"
+    file.write_bytes(shipped_agents()["exploring"].read_bytes())
+    out = tmp_path / "results"
+    where = ("--worlds", "mazes", "--odometer", "pioneer", "--episodes", 1)
+    result = call("results", "--out", out, "--agent", file, *where)
+    assert result.exception is None
+    lines = [line for line in result.stdout.splitlines() if "`mine-" in line]
+    assert lines[0].startswith("| `mine-")
+    assert "| 10 M |" in lines[0]
+    assert lines[1].startswith("| mazes | pioneer | `mine-")
+    assert {found.cell.task for found in ResultsFolder(out).read()} == {"Albot/Explore-v0"}
+    assert "complete" in result.stdout
+
+
+def test_the_page_alone(tmp_path: Path, call: Callable[..., Result]) -> None:
+    out, page = tmp_path / "results", tmp_path / "page.md"
+    call("results", "--out", out, *RANDOM, "--episodes", 1)
+    (out / "results.md").unlink()
+    found = figures(call("results", "--out", out, "--episodes", 0, "--page", page, "--json"))
+    assert found["files"] == {"page": str(page), "figures": str(tmp_path / "page.json")}
+    assert "`random`" in page.read_text()
+    assert not (out / "results.md").exists()
+
+
+def test_ctrl_c_leaves_a_page_and_the_status_of_a_stopped_command(
+    tmp_path: Path, call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_parallel(
+        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
+    ) -> Generator[Any, None, None]:
+        yield runner.run(next(iter(tasks)), lambda step: None)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+    out = tmp_path / "results"
+    result = call("results", "--out", out, *RANDOM, "--episodes", 3, "--json")
+    assert result.return_value == 130
+    assert figures(result)["stopped"] is True
+    assert figures(result)["missing"] == 2
+    assert "`random`" in (out / "results.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--task", "homin"), "did you mean homing"),
+        (("--task", "homing-revealed"), "--task: expected one of Albot/Homing-v0, "),
+        (("--worlds", "office"), "--worlds: expected one of offices, "),
+        (("--worlds", "office"), "(did you mean offices?)"),
+        (("--odometer", "bias-3"), "--odometer: expected one of pioneer, ideal, poor"),
+        (("--worlds", "plans"), "--worlds: expected --plans, the folder of the floor plans"),
+        (("--agent", "orcale"), "did you mean oracle"),
+        (("--agent", "oracle", "--task", "explore"), "expected an agent for a task that has such"),
+        (("--worlds", "scene", "--task", "explore"), "expected an agent for a task that has such"),
+        (("--protocol", "2"), "protocol: expected a known version: 1, found 2"),
+        (("--page", "page.txt"), "--page: expected a name that ends in .md"),
+        (("--page", "nowhere/page.md"), "nowhere"),
+    ],
 )
-ROW = {
-    "task": "Albot/Explore-v0",
-    "agent": "walker",
-    "odometer": "none",
-    "kind": "parks",
-    "command": "albot results",
-    "figure": "spl",
-    "episodes": 3,
-    "spl": 0.5,
-}
-
-
-@pytest.fixture
-def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A page with one row; what is measured for it takes no time."""
-
-    def measure(planned: list[comparison.PairedTrials], jobs: int, tell: object) -> Figures:
-        return {planned[0].rows[0]: {"episodes": len(planned), "spl": 1.0}}
-
-    monkeypatch.setattr(comparison, "COMPARISONS", (TOY,))
-    monkeypatch.setattr(comparison, "run_paired_trials", measure)
-    (tmp_path / "page.json").write_text(json.dumps([ROW]))
-    (tmp_path / "page.md").write_text("An old page.")
-    return tmp_path / "page.md"
-
-
-def test_rows_of_other_tasks_stay(page: Path, call: Callable[..., Result]) -> None:
-    for seeds, episodes in (("1..2", 2), ("1..5", 5)):  # What is measured again is replaced.
-        found = figures(call("results", "--out", page, "--seeds", seeds, "--json"))
-        rows = {row["agent"]: row["episodes"] for row in found["rows"]}
-        assert rows == {"walker": 3, "oracle": episodes}
-    assert json.loads(page.with_suffix(".json").read_text()) == found["rows"]
-    text = page.read_text()
-    assert "An old page." not in text
-    assert "`walker`" in text
-    assert "`oracle`" in text
-    assert "albot results --seeds 1..5" in text
-
-
-def test_figures_that_are_none_are_not_written_over(
-    page: Path, call: Callable[..., Result]
+def test_bad_options_are_refused_before_anything_is_written(
+    tmp_path: Path, call: Callable[..., Result], words: tuple[str, ...], said: str
 ) -> None:
-    page.with_suffix(".json").write_text("{}")
-    expect_error(call("results", "--out", page, "--seeds", "1..2"), "page.json")
-    assert page.read_text() == "An old page."
+    result = call("results", "--out", tmp_path / "results", "--episodes", 1, *words)
+    expect_error(result, said)
+    assert not list(tmp_path.iterdir())
 
 
-def test_the_page_is_the_projects_only_in_a_clone(
-    page: Path, call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+def test_floor_plans_must_be_those_of_the_protocol(
+    tmp_path: Path, call: Callable[..., Result]
 ) -> None:
-    folder = page.parent
-    monkeypatch.chdir(folder)
-    found = figures(call("results", "--seeds", "1..2", "--json"))
-    assert found["files"] == {"page": "results.md", "figures": "results.json"}
-    assert (folder / "results.md").is_file()
-    (folder / "docs").mkdir()
-    page.rename(folder / "docs" / "results.md")
-    (folder / "page.json").rename(folder / "docs" / "results.json")
-    found = figures(call("results", "--seeds", "1..2", "--json"))
-    assert found["files"]["page"] == "docs/results.md"
-    assert "docs/results.md in a clone" in " ".join(call("results", "--help").stdout.split())
+    plans = tmp_path / "plans"
+    plans.mkdir()
+    words = ("--plans", plans, "--worlds", "plans", "--agent", "random", "--task", "explore")
+    with pytest.raises(InputError, match="file not found"):
+        raise call("results", "--out", tmp_path / "results", *words).exception  # type: ignore[misc]
+    assert [path.name for path in tmp_path.iterdir()] == ["plans"]
+
+
+def test_other_folders_and_damaged_ones_are_left_as_they_are(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    expect_error(call("results", "--out", tmp_path, *RANDOM), "a new or an empty folder")
+    out = tmp_path / "results"
+    call("results", "--out", out, *RANDOM, "--episodes", 1)
+    (file,) = out.rglob("*.jsonl")
+    file.write_text(file.read_text()[:-9])
+    before = (out / "results.md").stat().st_mtime_ns
+    expect_error(call("results", "--out", out, *RANDOM, "--episodes", 2), "line 2", "torn file")
+    (out / "benchmark.json").write_text('{"protocol": 3, "version": "0.1.0"}')
+    expect_error(call("results", "--out", out, *RANDOM), "a known version: 1, found 3")
+    assert (out / "results.md").stat().st_mtime_ns == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a fork of POSIX")
+def test_a_killed_run_goes_on(tmp_path: Path, call: Callable[..., Result]) -> None:
+    out = tmp_path / "results"
+    command = ("results", "--out", out, *RANDOM, "--json", "--episodes")
+    call(*command, 1)  # All is loaded now.
+    child = os.fork()
+    if not child:
+        call(*command, 100)
+        os._exit(0)
+    deadline = time.monotonic() + 100
+    while _kept(out) < 4 and time.monotonic() < deadline:
+        time.sleep(0.001)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    done = _kept(out)
+    assert 4 <= done < 100
+    before = (out / FILE).read_bytes()
+    assert figures(call(*command, done + 1))["missing"] == 0
+    assert _kept(out) == done + 1
+    assert (out / FILE).read_bytes().startswith(before)
+
+
+FILE = Path("cells", "explore-v0", "mazes", "pioneer", "random@none.jsonl")
+
+
+def _kept(out: Path) -> int:
+    """The number of episodes in the cell of `RANDOM`, whose first line is its header."""
+    return (out / FILE).read_bytes().count(b"\n") - 1

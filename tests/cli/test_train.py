@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
 from collections.abc import Callable
 from importlib import resources
@@ -14,12 +16,18 @@ import pytest
 from albot_agents import workers
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import TrialRunner
+from albot_agents.training import recent_episodes, seed_processes
+from albot_agents.training.checkpoint import checkpoints
 from albot_agents.training.plan import LARGEST_SEED
 from albot_agents.training.plan_file import read_plan, shipped_plan
+from albot_agents.training.run import TrainingRun
+from albot_agents.training.seed_folder import SeedRun
 from albot_cli import train
 from albot_cli.main import main
 from albot_core.config_document import parameters
+from albot_core.errors import InputError
 from tests.agents.training.tiny import TASK, plan_file
+from tests.processes import ALBOT, running, wait_until
 
 Albot = Callable[..., tuple[int, str, str]]
 
@@ -89,6 +97,107 @@ def test_train_resume_evaluate_and_tell(
     assert run(*words)[0] == 0
 
 
+def _one_after_the_other(runs: dict[int, SeedRun], jobs: int, reporter: Any) -> Any:
+    """As `train_seeds`, in this process."""
+    for seed, (folder, plan) in runs.items():
+        TrainingRun(folder, plan).run(reporter.begin(seed, 0))
+    return {}, False
+
+
+def test_several_seeds_give_one_curve(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(seed_processes, "train_seeds", _one_after_the_other)
+    folder = tmp_path / "runs" / "mine"
+    status, out, err = run("train", config, "--seeds", "2,5", "--out", folder, "--json")
+    assert (status, err) == (0, "")
+    found = json.loads(out)
+    assert [(row["seed"], row["samples"], row["finished"]) for row in found["runs"]] == [
+        (2, 32, True),
+        (5, 32, True),
+    ]
+    assert found["curve"]["seeds"] == [2, 5]
+    mean, lowest, highest = found["curve"]["return"]
+    each = [row["figures"]["return"] for row in found["runs"]]
+    assert (mean, lowest, highest) == (sum(each) / 2, min(each), max(each))
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "config.yml", "curve.csv", "curve.json", "curve.png", "seed-2", "seed-5", "seeds.json",
+    ]  # fmt: skip
+
+    # Those that have ended are left as they are; the curve is made again.
+    before = {path: path.stat().st_mtime_ns for path in folder.glob("seed-*/*.albot")}
+    (folder / "curve.png").unlink()
+    status, out, err = run("train", "--resume", folder)
+    assert (status, err) == (0, "")
+    assert "2 seeds (2, 5)" in out
+    assert before == {path: path.stat().st_mtime_ns for path in folder.glob("seed-*/*.albot")}
+    assert Path(found["files"]["png"]).is_file()
+
+    status, out, _ = run("agents", "curve", folder, "--json", "--figure", tmp_path / "curve.pdf")
+    assert (status, json.loads(out)["seeds"]) == (0, [2, 5])
+    assert (tmp_path / "curve.pdf").is_file()
+    one_by_one = (folder / "seed-2", folder / "seed-5")
+    assert "--out: expected a folder for the curve" in run("agents", "curve", *one_by_one)[2]
+    status, out, _ = run("agents", "curve", *one_by_one, "--out", tmp_path / "curves")
+    assert (status, len(out.splitlines())) == (0, 4)
+    table = (tmp_path / "curves" / "curve.csv").read_text()
+    assert table == (folder / "curve.csv").read_text()
+    assert "--force" in run("agents", "curve", folder, "--out", tmp_path / "curves")[2]
+
+    best = found["runs"][1]["files"]["best"]
+    status, out, _ = run("agents", "card", best, "--runs", folder, "--json")
+    card, _ = map(Path, json.loads(out)["files"])
+    assert "This agent is that of seed 5, of 2 seeds (2, 5)." in card.read_text()
+    others = run("agents", "card", best, "--runs", folder / "seed-2", "--force")
+    assert "--runs: expected the run of the agent's seed, 5, too, found 2" in others[2]
+
+    again = run("train", config, "--seeds", "3", "--out", folder)
+    assert "expected a folder without runs" in again[2]
+    again = run("train", config, "--out", folder)
+    assert "expected a folder without runs" in again[2]
+
+
+def test_the_curve_shows_those_that_did_not_fail(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def one_fails(runs: dict[int, SeedRun], jobs: int, reporter: Any) -> Any:
+        _one_after_the_other({5: runs[5]}, jobs, reporter)
+        return {2: InputError("disk", "room")}, False
+
+    monkeypatch.setattr(seed_processes, "train_seeds", one_fails)
+    status, out, err = run("train", config, "--seeds", "2,5", "--out", tmp_path / "mine")
+    assert (status, out) == (2, "")
+    assert err == (
+        f"albot: {tmp_path / 'mine'}: expected runs that come to their end, found errors with "
+        "seed 2, as told above\n"
+    )
+    facts = json.loads((tmp_path / "mine" / "curve.json").read_text())
+    assert facts["seeds"] == [5]
+
+
+def test_ctrl_c_stops_all_seeds_and_they_go_on(
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan_file(tmp_path / "plan.yml", n_timesteps=1_000_000, evaluation=None)
+    folder = tmp_path / "mine"
+    words = ("train", "plan.yml", "--seeds", "0..1", "--out", "mine", "--json")
+    with running([*ALBOT, *words], tmp_path) as process:
+        wait_until((folder / "seed-0" / "last.albot").exists)
+        os.killpg(process.pid, signal.SIGINT)  # As the terminal does: all processes get it.
+        out, errors = process.communicate(timeout=120)
+    assert (process.returncode, errors) == (130, b"")
+    found = json.loads(out)
+    assert (found["stopped"], found["files"]) == (True, {})
+    done, none = (row["samples"] for row in found["runs"])
+    assert 0 == none < done < 1_000_000
+    assert checkpoints(folder / "seed-0" / "checkpoints")[-1].stem == f"{done:012d}"
+
+    monkeypatch.setattr(seed_processes, "train_seeds", _one_after_the_other)
+    status, out, err = run("train", "--resume", folder, "--steps", done + 16, "--json")
+    assert (status, err) == (0, "")
+    assert [row["samples"] for row in json.loads(out)["runs"]] == [done + 16] * 2
+
+
 @pytest.mark.parametrize(
     "name", [file.name for file in (resources.files("albot_agents.training") / "configs").iterdir()]
 )
@@ -133,6 +242,7 @@ def test_without_a_terminal_lines_tell_how_it_goes(
     run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(train, "_EVERY", 0.0)
+    monkeypatch.setattr(recent_episodes, "ENOUGH", 1)
     words = ("train", config, "--out")
     status, out, err = run(*words, tmp_path / "run")
     assert status == 0
@@ -174,6 +284,12 @@ def test_ctrl_c_says_how_to_go_on(
         (("--config", "none.yml"), "none.yml: file not found"),
         (("--resume", "nowhere"), "nowhere: expected the folder of a training run"),
         (("--resume", "nowhere", "--seed", "3"), "--seed: expected no such option"),
+        (("--resume", "nowhere", "--seeds", "3"), "--seeds: expected no such option"),
+        (("--config", "{config}", "--seed", "3", "--seeds", "3"), "--seed: expected no such"),
+        (("--config", "{config}", "--jobs", "2"), "--jobs: expected no such option without"),
+        (("--config", "{config}", "--seeds", "1,1"), "--seeds: expected each seed once"),
+        (("--config", "{config}", "--seeds", "4294967296"), "--seeds: expected seeds from 0 to"),
+        (("--config", "{config}", "--seeds", "1", "--print-plan"), "--seeds: expected no such"),
         (
             ("--config", "{config}", "--seed", str(2**32)),
             "'--seed': 4294967296 is not in the range",

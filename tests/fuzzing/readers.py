@@ -18,7 +18,9 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from albot_agents.evaluation.results_page import read_figures, render_page
+from albot_agents.benchmark.cell import Cell
+from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.page import Report, render_page
 from albot_agents.registry import find_agent
 from albot_agents.task import config_kind
 from albot_agents.trained.agent_file import read_agent
@@ -26,9 +28,12 @@ from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import Network
 from albot_agents.trained.trained_agent import shipped_agents
 from albot_agents.training.checkpoint import read_checkpoint
-from albot_agents.training.plan_file import read_plan
+from albot_agents.training.demonstrations import read_demonstrations
+from albot_agents.training.learning_curve import read_curves
+from albot_agents.training.plan_file import read_plan, save_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
+from albot_agents.training.seed_folder import SeedFolder
 from albot_cli.config import read_task_config
 from albot_cli.worlds import in_full, summary
 from albot_core.archive import read_arrays
@@ -54,7 +59,9 @@ from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
-from tests.agents.training.tiny import TASK, TINY, begun
+from tests.agents.benchmark.episodes import results as made_up
+from tests.agents.training.demonstrated import ACTIONS, LESSON, demonstrations
+from tests.agents.training.tiny import TASK, TINY, begun, plan_file
 from tests.core.logs.conftest import WRITERS, make_drive
 from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
 from tests.fuzzing.reader import Reader, one_file
@@ -224,11 +231,33 @@ def _write_card(folder: Path) -> None:
     write_card(agent, "a", folder / "card.md", [figures])
 
 
-def _write_figures(folder: Path) -> None:
-    row = {"task": "T", "agent": "a", "odometer": "poor", "kind": "offices", "command": "albot",
-           "figure": "spl", "episodes": 3, "success_rate": 0.5, "ci95": [0.1, 0.9],
-           "spl": 0.5}  # fmt: skip
-    (folder / "results.json").write_text(json.dumps([row, row]))
+_CELL = Cell(task="Albot/Homing-v0", agent="a", mapper="none", odometer="poor", worlds="offices")
+
+
+def _write_results(folder: Path) -> None:
+    results = ResultsFolder(folder)
+    results.begin()
+    episodes = made_up(_CELL, 2)
+    shipped = read_agent(shipped_agents()["homing"])
+    results.write(episodes)
+    results.write_agent("a", shipped)
+    results.file(_CELL).rename(folder / "cell.jsonl")
+    (folder / "agents" / "a.json").rename(folder / "agent.json")
+    shutil.rmtree(folder / "agents")
+    shutil.rmtree(folder / "cells")
+
+
+def _read_results(folder: Path) -> None:
+    results = folder / "results"
+    shutil.rmtree(results, ignore_errors=True)
+    results.mkdir()
+    shutil.copy(folder / "benchmark.json", results)
+    cell = ResultsFolder(results).file(_CELL)
+    cell.parent.mkdir(parents=True)
+    shutil.copy(folder / "cell.jsonl", cell)
+    (results / "agents").mkdir()
+    shutil.copy(folder / "agent.json", results / "agents" / "a.json")
+    render_page(Report.of(ResultsFolder(results)))
 
 
 # Trainings.
@@ -255,6 +284,34 @@ def _resume(folder: Path) -> None:
     training.close()
 
 
+def _write_curve(folder: Path) -> None:
+    path = shipped_agents()["place-recognition"]
+    run = RunFolder(folder)
+    run.last.write_bytes(path.read_bytes())
+    save_plan(read_agent(path).training.plan, run.plan)
+    run.monitor.touch()
+
+
+def _draw_curve(folder: Path) -> None:
+    curves = read_curves([folder])
+    assert curves.csv
+    assert curves.facts
+    curves.figure()
+
+
+def _write_seeds(folder: Path) -> None:
+    seeds = SeedFolder(folder)
+    seeds.begin(read_plan(plan_file(folder / "plan.yml"), tried=False), (1, 2), "albot train")
+    shutil.rmtree(seeds.run(1).path)
+    shutil.rmtree(seeds.run(2).path)
+    (folder / "plan.yml").unlink()
+
+
+def _read_demonstrations(path: Path) -> None:
+    made = read_demonstrations(path, LESSON, 3)
+    assert made.first(1).said(ACTIONS).shape == made.returns(0.9)[1].shape
+
+
 READERS: tuple[Reader, ...] = (
     *_log_readers(),
     *_world_readers(),
@@ -269,9 +326,17 @@ READERS: tuple[Reader, ...] = (
     ),
     Reader(
         name="results",
-        functions=(read_figures,),
-        write=_write_figures,
-        read=lambda folder: render_page(read_figures(folder / "results.json")),
+        functions=(ResultsFolder,),
+        write=_write_results,
+        read=_read_results,
+    ),
+    Reader(
+        name="demonstrations",
+        functions=(read_demonstrations,),
+        write=lambda folder: demonstrations(rewards=np.ones((2, 3), np.float32)).save(
+            folder / "a.npz"
+        ),
+        read=lambda folder: _read_demonstrations(folder / "a.npz"),
     ),
     one_file(
         "training plan", "a.yml", yaml.safe_dump(TINY), lambda path: read_plan(path), read_plan
@@ -288,6 +353,19 @@ READERS: tuple[Reader, ...] = (
         functions=(read_checkpoint, read_arrays, RunFolder),
         write=_write_run,
         read=_resume,
+        examples=12,
+    ),
+    Reader(
+        name="learning curve",
+        functions=(read_curves,),
+        write=_write_curve,
+        read=_draw_curve,
+    ),
+    Reader(
+        name="folder of several seeds",
+        functions=(SeedFolder,),
+        write=_write_seeds,
+        read=lambda folder: SeedFolder(folder).resume(None),
         examples=12,
     ),
 )

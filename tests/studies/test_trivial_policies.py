@@ -29,9 +29,9 @@ def test_policies_that_a_task_cannot_tell_apart_are_left_out() -> None:
     assert "declare at once" not in explore
     assert "scripted, all claims" in explore
     homing = list(policies_for((*FLAGS, "declare"), ("laser", "way")))
-    assert {"declare at once", "home vector", "hint"} <= set(homing)
+    assert {"declare at once", "home-vector", "hint-follower"} <= set(homing)
     assert not [name for name in homing if "claims" in name]
-    assert "hint" not in policies_for((*FLAGS, "declare", "claim"), ("laser",))
+    assert "hint-follower" not in policies_for((*FLAGS, "declare", "claim"), ("laser",))
     assert list(policies_for((*FLAGS, "declare", "claim"), ("way",))) == list(POLICIES)
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from albot_agents.evaluation.measured import MeasuredEpisode
 from albot_agents.evaluation.plan import Trial
-from albot_agents.evaluation.trial import Outcome, area_under
+from albot_agents.evaluation.trial import Outcome
 from albot_agents.task import config_kind, short_name
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_clusters
@@ -26,7 +27,7 @@ _OWN_SETTINGS = (
     "threads", "config",
 )  # fmt: skip
 """Settings in which agents may differ; `config` in `_OWN_CONFIG`."""
-_OWN_CONFIG = ("actions", "claims", "observations", "weights")
+_OWN_CONFIG = ("actions", "claims", "hints", "observations", "weights")
 """Fields of a task's configuration in which agents may differ, but for the coverage's size."""
 _COVERAGE = ("radius", "cell", "spacing", "turn")
 """What decides which ground counts as covered."""
@@ -81,7 +82,9 @@ def _episode_settings(trial: Trial) -> dict[str, Any]:
     return {"world": trial.world, "seed": trial.seed, **to_plain(settings), "config": kept}
 
 
-def check_same_beginnings(outcomes: Sequence[Outcome], others: Sequence[Outcome]) -> None:
+def check_same_beginnings(
+    outcomes: Sequence[MeasuredEpisode], others: Sequence[MeasuredEpisode]
+) -> None:
     """Check that pairs of episodes began at the same pose, to the bit.
 
     Raises:
@@ -89,18 +92,17 @@ def check_same_beginnings(outcomes: Sequence[Outcome], others: Sequence[Outcome]
     """
     for one, other in zip(outcomes, others, strict=True):
         same = (one.start == other.start).all() and (one.begin == other.begin).all()
-        if (one.trial.world, one.trial.seed) != (other.trial.world, other.trial.seed) or not same:
-            agents = f"{one.trial.agent} and {other.trial.agent}"
-            raise RuntimeError(f"{agents} met different episodes: {one.trial.world}")
+        if (one.world, one.seed) != (other.world, other.seed) or not same:
+            agents = f"{one.agent} and {other.agent}"
+            raise RuntimeError(f"{agents} met different episodes: {one.world}")
 
 
-def episode_figures(outcome: Outcome) -> dict[str, float]:
+def episode_figures(outcome: MeasuredEpisode) -> dict[str, float]:
     """Return the figures of an episode that `FIGURES` names, as far as its task has them."""
     info = outcome.info
     found = {"success": info.get("is_success")}
     found |= {name: info.get(name) for name in ("spl", "soft_spl", "distance_home")}
-    if len(outcome.coverage_curve):
-        found["coverage_auc"] = area_under(outcome.coverage_curve)
+    found["coverage_auc"] = outcome.coverage_auc
     if outcome.rooms:
         found["rooms_share"] = info["rooms_entered"] / outcome.rooms
     if "right_known" in info:
@@ -110,7 +112,7 @@ def episode_figures(outcome: Outcome) -> dict[str, float]:
 
 
 def paired_differences(
-    outcomes: Sequence[Outcome], others: Sequence[Outcome]
+    outcomes: Sequence[MeasuredEpisode], others: Sequence[MeasuredEpisode]
 ) -> dict[str, dict[str, Any]]:
     """Return by how much figures of episodes exceed those of others in the same episodes.
 
@@ -132,7 +134,7 @@ def paired_differences(
         (episode_figures(one), episode_figures(other))
         for one, other in zip(outcomes, others, strict=True)
     ]
-    worlds = [outcome.trial.world for outcome in outcomes]
+    worlds = [outcome.world for outcome in outcomes]
     rng, found = np.random.default_rng(_SEED), {}
     for name in FIGURES:
         if not all(name in one and name in other for one, other in pairs):

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.evaluation.trial import HORIZON, Outcome, area_under
+from albot_agents.evaluation.measured import MeasuredEpisode
+from albot_agents.evaluation.trial import HORIZON
 from albot_core.evaluation.intervals import bootstrap, wilson
 
 _SEED = 0
 """Seed of the bootstrap."""
 
 
-def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def summarise(outcomes: Sequence[MeasuredEpisode]) -> dict[str, Any]:
     """Return the figures of all episodes, and those of each world (`worlds`).
 
     - `success_rate`, with its 95 % Wilson interval `ci95`.
@@ -48,15 +49,15 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     for name, values in (("coverage_auc", _areas(outcomes)), ("rooms_share", _rooms(outcomes))):
         if values:
             intervals[f"{name}_ci95"] = list(bootstrap(np.array(values), np.mean, rng))
-    worlds = list(dict.fromkeys(outcome.trial.world for outcome in outcomes))
+    worlds = list(dict.fromkeys(outcome.world for outcome in outcomes))
     rows = [
-        {"world": world, **_figures([each for each in outcomes if each.trial.world == world])}
+        {"world": world, **_figures([each for each in outcomes if each.world == world])}
         for world in worlds
     ]
     return {**figures, **intervals, "worlds": rows}
 
 
-def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def _figures(outcomes: Sequence[MeasuredEpisode]) -> dict[str, Any]:
     ends = [outcome.info for outcome in outcomes]
     driven = sum(outcome.driven for outcome in outcomes)
     collisions = sum(outcome.collisions for outcome in outcomes)
@@ -83,19 +84,19 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def _areas(outcomes: Sequence[Outcome]) -> list[float]:
+def _areas(outcomes: Sequence[MeasuredEpisode]) -> list[float]:
     """Return the area under each coverage curve; none if no episode drove as far."""
     if not _far(outcomes):
         return []
-    return [area_under(each.coverage_curve) for each in outcomes if len(each.coverage_curve)]
+    return [each.coverage_auc for each in outcomes if each.coverage_auc is not None]
 
 
-def _far(outcomes: Sequence[Outcome]) -> int:
+def _far(outcomes: Sequence[MeasuredEpisode]) -> int:
     """Return the number of episodes with a coverage curve that drove all of it."""
-    return sum(each.driven >= HORIZON for each in outcomes if len(each.coverage_curve))
+    return sum(each.driven >= HORIZON for each in outcomes if each.coverage_auc is not None)
 
 
-def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
+def _rooms(outcomes: Sequence[MeasuredEpisode]) -> list[float]:
     """Return each episode's share of entered rooms, where its world has rooms."""
     return [each.info["rooms_entered"] / each.rooms for each in outcomes if each.rooms]
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
+from albot_agents.evaluation.map_figures import MapFigures
 from albot_agents.evaluation.plan import Trial
 from albot_agents.registry import make_agent
 from albot_agents.workers import TaskRunner
@@ -27,7 +28,7 @@ class Outcome:
     trial: Trial
     """The episode."""
     info: Mapping[str, Any]
-    """The last info: the ground truth at the end."""
+    """The last info: the ground truth at the end; and what the map was like (`MapFigures`)."""
     start: Pose
     """Pose of home (world frame)."""
     begin: Pose
@@ -42,9 +43,29 @@ class Outcome:
     """The share of the ground covered after each metre of the path (`sample_curve`)."""
 
     @property
+    def agent(self) -> str:
+        """The agent's name."""
+        return self.trial.agent
+
+    @property
+    def world(self) -> str:
+        """The world's spec."""
+        return self.trial.world
+
+    @property
+    def seed(self) -> int:
+        """Seed of the episode."""
+        return self.trial.seed
+
+    @property
     def driven(self) -> float:
         """Length of the path (m)."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
+
+    @property
+    def coverage_auc(self) -> float | None:
+        """Mean share of ground covered over the first `HORIZON` metres; None if not measured."""
+        return area_under(self.coverage_curve) if len(self.coverage_curve) else None
 
 
 def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> Outcome:
@@ -59,32 +80,75 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
     """
     env = trial.make()
     try:
-        agent = make_agent(trial.agent, EnvironmentConfigs.of(env))
+        configs = EnvironmentConfigs.of(env)
+        agent = make_agent(trial.agent, configs)
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
-        begin = info["pose"]
-        path, coverages = [info["pose"][:2]], [info.get("coverage")]
-        explores = info["path_length"] == 0.0  # No outward journey covered ground.
-        collisions, touched, over = 0, False, False
-        while not over:
-            on_step(len(path))
+        log = EpisodeLog(trial, configs, observation, info)
+        while not log.over:
+            on_step(log.steps + 1)
             action = choose_action(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
-            path.append(info["pose"][:2])
-            coverages.append(info.get("coverage"))
-            collisions += info["collided"] and not touched
-            touched, over = info["collided"], terminated or truncated
+            log.add(observation, info, over=terminated or truncated)
     finally:
         env.close()
-    return Outcome(
-        trial=trial,
-        info=info,
-        start=info["start"],
-        begin=begin,
-        path=np.array(path),
-        collisions=collisions,
-        **(_explored(trial, np.array(path), coverages) if explores else {}),
-    )
+    return log.outcome
+
+
+class EpisodeLog:
+    """What is measured of an episode as it runs.
+
+    Args:
+        trial: The episode.
+        configs: The environment's configurations of observations and actions.
+        observation: The first observation.
+        info: The first info.
+    """
+
+    def __init__(
+        self,
+        trial: Trial,
+        configs: EnvironmentConfigs,
+        observation: Any,
+        info: Mapping[str, Any],
+    ) -> None:
+        self.over = False
+        """Whether it has ended."""
+        self._trial, self._observation, self._info = trial, observation, info
+        self._maps = MapFigures(configs, observation, info)
+        self._begin = info["pose"].copy()
+        self._path, self._coverages = [self._begin[:2]], [info.get("coverage")]
+        self._explores = info["path_length"] == 0.0  # No outward journey covered ground.
+        self._collisions, self._touched = 0, False
+
+    @property
+    def steps(self) -> int:
+        """Number of steps so far."""
+        return len(self._path) - 1
+
+    def add(self, observation: Any, info: Mapping[str, Any], *, over: bool) -> None:
+        """Add the observation and info of a step, and whether the episode has ended with it."""
+        self._maps.add(observation, info)
+        self._path.append(info["pose"][:2].copy())
+        self._coverages.append(info.get("coverage"))
+        touches = bool(info["collided"])
+        self._collisions += touches and not self._touched
+        self._touched, self.over = touches, over
+        self._observation, self._info = observation, info
+
+    @property
+    def outcome(self) -> Outcome:
+        """The measurements of the episode, which has ended."""
+        path = np.array(self._path)
+        return Outcome(
+            trial=self._trial,
+            info={**self._info, **self._maps.end(self._observation, self._info)},
+            start=self._info["start"],
+            begin=self._begin,
+            path=path,
+            collisions=self._collisions,
+            **(_explored(self._trial, path, self._coverages) if self._explores else {}),
+        )
 
 
 def _explored(

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
 from albot_agents.trained.agent_file import AgentFile
+from albot_agents.training.learning_curve import (
+    SPREAD,
+    LearningCurves,
+    seeds_text,
+    spread_text,
+)
 from albot_core.drawing.figure import save_figure
-from albot_core.drawing.palette import SERIES
 from albot_core.errors import InputError
 from albot_core.files import write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, deep_merge, read_record, to_plain
 from albot_core.robot import DEFAULT_ROBOT
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _FIGURES = {
     "success_rate": "success",
@@ -45,7 +47,11 @@ _KINDS: dict[str, Any] = dict.fromkeys(_FIGURES, float | None) | dict.fromkeys(
 
 
 def write_card(
-    agent: AgentFile, name: str, path: Path, evaluations: Sequence[Mapping[str, Any]] = ()
+    agent: AgentFile,
+    name: str,
+    path: Path,
+    evaluations: Sequence[Mapping[str, Any]] = (),
+    runs: LearningCurves | None = None,
 ) -> list[Path]:
     """Write an agent's card, and beside it the picture of its learning curve if there is one.
 
@@ -54,6 +60,7 @@ def write_card(
         name: Its name.
         path: The card, a Markdown file; the picture has the same name with `.png`.
         evaluations: Results of `albot evaluate` (`evaluation.json`).
+        runs: The learning curves of several seeds, one of which made the agent; None for its own.
 
     Returns:
         The files written.
@@ -62,15 +69,16 @@ def write_card(
         InputError: They cannot be written.
     """
     picture = path.with_suffix(".png")
-    curve = agent.training.curve
+    curves = own_curve(agent) if runs is None else runs
     sections = [_heading(agent, name), _origin(agent)]
     if evaluations:
         sections.append(_table(evaluations))
     written = [path]
-    if curve.get("samples"):
-        save_figure(curve_figure(curve), picture)
+    if curves is not None:
+        save_figure(curves.figure(), picture)
         written.append(picture)
-        sections.append(f"## Learning curve\n\n![Learning curve]({picture.name})")
+        told = "" if runs is None else f"{_spread(agent, runs)}\n\n"
+        sections.append(f"## Learning curve\n\n{told}![Learning curve]({picture.name})")
     plan = yaml.safe_dump(to_plain(agent.training.plan), sort_keys=False)
     sections.append(f"## Plan\n\n```yaml\n{plan}```")
     write_text(path, "\n\n".join(sections) + "\n")
@@ -93,9 +101,28 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
     return read_record(known, found, where, others=True)
 
 
+def own_curve(agent: AgentFile) -> LearningCurves | None:
+    """Return the learning curve of an agent's own training; None if it has none."""
+    training = agent.training
+    if not training.curve.get("samples"):
+        return None
+    return LearningCurves(training.plan, {training.plan.seed: training.curve})
+
+
+def _spread(agent: AgentFile, runs: LearningCurves) -> str:
+    """Return what the curve of several seeds shows, and how it ends."""
+    seed = agent.training.plan.seed
+    lines = [f"{runs.caption}. This agent is that of seed {seed}, of {seeds_text(runs.curves)}."]
+    if runs.last:
+        ends = ", ".join(spread_text(name, spread) for name, spread in runs.last.items())
+        lines.append(f"At the end, mean ({SPREAD}): {ends}.")
+    return " ".join(lines)
+
+
 def _heading(agent: AgentFile, name: str) -> str:
     network = agent.network
     lstm = f"{network.lstm_layers} × LSTM {network.lstm_size}, " if network.lstm_layers else ""
+    encoders = "".join(f"{each.kind} of {each.part}, " for each in network.encoders)
     layers = " × ".join(map(str, network.layers))
     inputs = f"{network.inputs} inputs"
     if network.candidates:
@@ -103,10 +130,10 @@ def _heading(agent: AgentFile, name: str) -> str:
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
     acts = "deterministically: it takes the action with the highest score"
     if network.sampled:
-        acts = "by sampling from its policy, as in its training"
+        acts = "by sampling speed and turn rate from its policy, as in its training"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
-        f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts "
+        f"{inputs}, {encoders}{lstm}{layers} {network.activation}, {actions}. It acts "
         f"{acts}."
     )
 
@@ -151,25 +178,3 @@ def _cell(found: Mapping[str, Any], name: str) -> str:
     if value is None:
         return "–"
     return f"{value:.3f}" + (f" ({interval[0]:.3f} to {interval[1]:.3f})" if interval else "")
-
-
-def curve_figure(curve: Mapping[str, Any]) -> Figure:
-    """Return the learning curve of the evaluations."""
-    from matplotlib.figure import Figure
-
-    names = {"success_rate": "success", "spl": "SPL", "return": "return"}
-    shares = [name for name in ("success_rate", "spl") if name in curve]
-    figure = Figure(figsize=(7, 3.2), layout="constrained")
-    axes = figure.subplots(1, 2 if shares else 1, squeeze=False)[0]
-    for panel, shown in zip(
-        axes, ([*shares], ["return"]) if shares else (["return"],), strict=True
-    ):
-        for name, colour in zip(shown, SERIES, strict=False):
-            style = {"marker": ".", "color": colour, "label": names[name]}
-            panel.plot(curve["samples"], curve[name], **style)
-        panel.set(xlabel="samples")
-        panel.legend(frameon=False)
-        panel.grid(alpha=0.3)
-    if shares:
-        axes[0].set_ylim(0, 1)
-    return figure

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32
 
+from albot_agents.trained.encoders import ABSENT, LAYERS, SIZES, PartEncoder, encode
 from albot_core.errors import InputError
 from albot_core.ranges import Range, check_fields
 
@@ -15,15 +16,11 @@ Row = Float32[np.ndarray, "*rows units"]
 Output = Float32[np.ndarray, "*rows outputs"]
 CANDIDATES = ("arrivals", "mask")
 """The parts of observations that hold the candidates and which of them are present."""
-ABSENT = np.float32(-1e8)
-"""Score of an absent candidate; finite, so that PyTorch's gradients are finite."""
+DRIVEN = 2
+"""Number of the first outputs that drive the robot: speed and turn rate."""
 NOTHING = np.float32(-1.0)
 """Pooled value without any candidate; no activation is smaller."""
 
-SIZES = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
-"""Units of a layer."""
-LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
-"""Number of layers of a kind."""
 _CANDIDATES = Range("a whole number from 0 to 65536", 0.0, 65536.0, whole=True)
 
 
@@ -44,7 +41,7 @@ _ACTIVATIONS: Mapping[str, Callable[[Row], Row]] = {"elu": _elu, "relu": _relu, 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """Architecture of a policy network: LSTM layers, hidden layers, and a linear output layer.
+    """Architecture of a policy network: encoders, LSTM layers, hidden layers, a linear output.
 
     A network with candidates applies the same layers to each of them. Its observation is a row of
     numbers per candidate, followed by a mask of those present (above 0). Its outputs are the scores
@@ -64,10 +61,12 @@ class NetworkConfig:
     lstm_layers: int = 0
     """Number of LSTM layers."""
     sampled: bool = False
-    """Whether actions are drawn around the outputs, with the standard deviation in the array
-    `action.log_std`."""
+    """Whether speed and turn rate are drawn around the outputs, with the standard deviation in the
+    array `action.log_std`."""
     candidates: int = 0
     """Largest number of candidates in an observation; 0 for a network without candidates."""
+    encoders: tuple[PartEncoder, ...] = ()
+    """The encoders, of one part each, in the order of the observation."""
     squashed: bool = False
     """Whether the outputs go through tanh, as the mean actions of SAC do."""
 
@@ -85,6 +84,7 @@ class NetworkConfig:
         if self.squashed and self.sampled:
             raise InputError("NetworkConfig.sampled", "false with squashed outputs", "true")
         self._check_candidates()
+        self._check_encoders()
 
     def _check_candidates(self) -> None:
         """Raise InputError unless inputs and outputs fit the candidates."""
@@ -104,15 +104,34 @@ class NetworkConfig:
         if self.sampled:
             raise InputError("NetworkConfig.sampled", "false with candidates", "true")
 
+    def _check_encoders(self) -> None:
+        """Raise InputError unless the encoders' parts lie in the observation, one after another."""
+        end = 0
+        for encoder in self.encoders:
+            if encoder.begin < end:
+                expected = f"parts one after another, this one from {end}"
+                raise InputError("NetworkConfig.encoders", expected, str(encoder.begin))
+            end = encoder.begin + encoder.size
+        if end > self.inputs:
+            expected = f"parts that end at {self.inputs} at most"
+            raise InputError("NetworkConfig.encoders", expected, str(end))
+        if self.encoders and self.candidates:
+            found = str(len(self.encoders))
+            raise InputError("NetworkConfig.encoders", "none with candidates", found)
+
     @property
     def width(self) -> int:
-        """Number of inputs of the first layer."""
-        return self.inputs // self.candidates - 1 if self.candidates else self.inputs
+        """Number of inputs of the first layer after the encoders."""
+        if self.candidates:
+            return self.inputs // self.candidates - 1
+        return self.inputs + sum(encoder.outputs - encoder.size for encoder in self.encoders)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the network's arrays, by name."""
         shapes: dict[str, tuple[int, ...]] = {}
+        for encoder in self.encoders:
+            shapes |= encoder.shapes
         width, size = self.width, self.lstm_size
         for k in range(self.lstm_layers):
             shapes |= {
@@ -158,7 +177,7 @@ class Network:
         """Return the network's outputs for the next observation."""
         if self._config.candidates:
             return self._score_candidates(observation)
-        row = observation
+        row = encode(self._config.encoders, self._weights, observation)
         for k in range(self._config.lstm_layers):
             row = self._lstm_step(k, row)
         answer = self._linear("action", self._hidden_layers(row))
@@ -167,9 +186,14 @@ class Network:
     def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator
     ) -> Float32[np.ndarray, "outputs"]:
-        """Draw each number from a normal distribution whose mean is the network's output."""
+        """Draw speed and turn rate from normal distributions whose means are the outputs.
+
+        What the agent says is not drawn: a statement that is made once in many steps by chance,
+        such as that the robot is home, would end the episode somewhere.
+        """
         spread = np.exp(self._weights["action.log_std"])
-        return np.asarray(answer + spread * rng.standard_normal(len(answer), np.float32))
+        drawn = answer + spread * rng.standard_normal(len(answer), np.float32)
+        return np.concatenate((drawn[:DRIVEN], answer[DRIVEN:]))
 
     def _score_candidates(
         self, observation: Float32[np.ndarray, "inputs"]

@@ -23,10 +23,12 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
+from albot_agents.trained.encoders import PartEncoder
 from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.encoders import encoder_weights
 from albot_agents.training.off_policy import continue_without_buffer
 from albot_agents.training.plan import ON_POLICY, TrainingPlan
-from albot_agents.training.plan_check import check_algorithm, check_policy
+from albot_agents.training.plan_check import check_algorithm, check_policy, policy_encoders
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
@@ -41,12 +43,12 @@ KEPT = 2
 _WEIGHT = "weight."
 """Prefix of the names of weights."""
 _LAYERS = {
-    **dict.fromkeys(ON_POLICY, ("mlp_extractor.policy_net.{}", "action_net")),
-    "sac": ("actor.latent_pi.{}", "actor.mu"),
-    "dqn": ("q_net.q_net.{}", "q_net.q_net.{}"),
-    "qrdqn": ("quantile_net.quantile_net.{}", "quantile_net.quantile_net.{}"),
+    **dict.fromkeys(ON_POLICY, ("", "mlp_extractor.policy_net.{}", "action_net")),
+    "sac": ("actor.", "latent_pi.{}", "mu"),
+    "dqn": ("q_net.", "q_net.{}", "q_net.{}"),
+    "qrdqn": ("quantile_net.", "quantile_net.{}", "quantile_net.{}"),
 }
-"""Names of the hidden layers and of the output layer of the network that acts, in
+"""Names of the network that acts, of its hidden layers and of its output layer, in
 stable-baselines3; {} is the number of the module, of which every second is an activation."""
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 """Adam's state of each parameter."""
@@ -293,6 +295,8 @@ class AgentExporter:
         observation_config = env.get_wrapper_attr("observation_config")
         check_algorithm(plan, env.observation_space, env.action_space)
         check_policy(plan.policy, observation_config, env.action_space)
+        self.encoders = policy_encoders(plan.policy, observation_config)
+        """The encoders of the policy."""
         self._settings = kept_settings(plan.task, settings, observation_config)
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
@@ -323,21 +327,26 @@ class AgentExporter:
                 lstm_layers=plan.policy.lstm_layers if plan.recurrent else 0,
                 sampled=plan.policy.sampled,
                 candidates=self._candidates,
+                encoders=self.encoders,
                 squashed=plan.algorithm == "sac",
             ),
-            weights=policy_weights(state, plan),
+            weights=policy_weights(state, plan, self.encoders),
             training=training,
         )
 
 
-def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[str, np.ndarray]:
+def policy_weights(
+    state: Mapping[str, np.ndarray], plan: TrainingPlan, encoders: tuple[PartEncoder, ...] = ()
+) -> dict[str, np.ndarray]:
     """Return the arrays of the policy's network under the names in `NetworkConfig.shapes`.
 
     Args:
         state: All weights, under the names of stable-baselines3's policies.
         plan: The training plan, with the architecture of the network.
+        encoders: The encoders of the policy.
     """
-    weights: dict[str, np.ndarray] = {}
+    actor, hidden, output = _LAYERS[plan.algorithm]
+    weights = encoder_weights(state, encoders, actor)
     if plan.recurrent:
         for k in range(plan.policy.lstm_layers):
             weights[f"lstm{k}.input"] = state[f"lstm_actor.weight_ih_l{k}"]
@@ -346,11 +355,11 @@ def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[
             weights[f"lstm{k}.bias"] = (
                 state[f"lstm_actor.bias_ih_l{k}"] + state[f"lstm_actor.bias_hh_l{k}"]
             )
-    hidden, output = _LAYERS[plan.algorithm]
     for part in ("weight", "bias"):
         for k in range(len(plan.policy.net_arch)):
-            weights[f"layer{k}.{part}"] = state[f"{hidden.format(2 * k)}.{part}"]
-        answer = state[f"{output.format(2 * len(plan.policy.net_arch))}.{part}"]
+            weights[f"layer{k}.{part}"] = state[f"{actor}{hidden.format(2 * k)}.{part}"]
+        last = output.format(2 * len(plan.policy.net_arch))
+        answer = state[f"{actor}{last}.{part}"]
         if plan.algorithm == "qrdqn":
             # The mean over the quantiles of a linear layer is a linear layer of the means.
             quantiles = plan.off_policy.n_quantiles

@@ -15,12 +15,10 @@ from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_check import MEMORY, check_spaces
 from albot_agents.training.plan_file import stage_settings
+from albot_agents.training.recent_episodes import RECENT, EndedEpisode, RecentEpisodes
 from albot_agents.training.run_files import FIGURES, Row
 from albot_core.errors import InputError
 from albot_env.vector.sb3 import BatchedVecEnv, make_batch
-
-RECENT = 500
-"""Number of episodes over which success rate and mean return are computed."""
 
 
 class Curriculum(VecEnvWrapper):
@@ -45,8 +43,10 @@ class Curriculum(VecEnvWrapper):
         self._rows: list[Row] = []
         self._returns = np.zeros(plan.n_envs)
         self._lengths = np.zeros(plan.n_envs, np.int64)
-        self._recent: deque[bool] = deque(maxlen=RECENT)
-        self._recent_returns: deque[float] = deque(maxlen=RECENT)
+        self._recent = RecentEpisodes(plan.n_envs)
+        # `until_success` goes by the episodes that ended last, early endings first. The unbiased
+        # rate would switch at other samples, and the plans of shipped agents make other agents.
+        self._ended_last: deque[bool] = deque(maxlen=RECENT)
         self.episodes = 0
         """Number of episodes that ended since the training was started or resumed."""
         self.stage = stage
@@ -63,13 +63,13 @@ class Curriculum(VecEnvWrapper):
 
     @property
     def success_rate(self) -> float | None:
-        """Success rate of the stage's last `RECENT` episodes; None if no success is reported."""
-        return float(np.mean(self._recent)) if self._recent else None
+        """Success rate as of `RecentEpisodes`, since all environments last began anew."""
+        return self._recent.success_rate
 
     @property
     def mean_return(self) -> float | None:
-        """Mean return of the stage's last `RECENT` episodes; None before the first has ended."""
-        return float(np.mean(self._recent_returns)) if self._recent_returns else None
+        """Mean return as of `RecentEpisodes`, since all environments last began anew."""
+        return self._recent.mean_return
 
     def is_over(self, samples: int) -> bool:
         """Return whether the stage is over after `samples` samples of its own."""
@@ -78,8 +78,9 @@ class Curriculum(VecEnvWrapper):
             return False
         if stage.for_steps is not None and samples >= stage.for_steps:
             return True
-        rate = self.success_rate if len(self._recent) == RECENT else None
-        return stage.until_success is not None and rate is not None and rate >= stage.until_success
+        if stage.until_success is None or len(self._ended_last) < RECENT:
+            return False
+        return float(np.mean(self._ended_last)) >= stage.until_success
 
     def prepare_journeys(self, report: Callable[[str], None]) -> None:
         """Make this stage's journeys in parallel, before the reset would make them one by one.
@@ -105,8 +106,7 @@ class Curriculum(VecEnvWrapper):
         self.venv.close()
         self.venv = following
         self.stage += 1
-        self._recent.clear()
-        self._recent_returns.clear()
+        self._ended_last.clear()
         self.prepare_journeys(report)
         self.seed(seed)
         return self.reset()
@@ -115,6 +115,7 @@ class Curriculum(VecEnvWrapper):
         """Reset all environments."""
         self._returns[:] = 0
         self._lengths[:] = 0
+        self._recent = RecentEpisodes(self._plan.n_envs)
         return self.venv.reset()
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -124,8 +125,7 @@ class Curriculum(VecEnvWrapper):
         self.step_seconds += time.perf_counter() - began
         self._returns += rewards
         self._lengths += 1
-        for k in np.flatnonzero(over).tolist():
-            self._record_episode(k, infos[k])
+        self._recent.step([self._record(k, infos[k]) for k in np.flatnonzero(over).tolist()])
         self._returns[over] = 0
         self._lengths[over] = 0
         return observations, rewards, over, infos
@@ -135,15 +135,17 @@ class Curriculum(VecEnvWrapper):
         rows, self._rows = self._rows, []
         return rows
 
-    def _record_episode(self, row: int, info: dict[str, Any]) -> None:
+    def _record(self, row: int, info: dict[str, Any]) -> EndedEpisode:
+        """Record an episode that has ended; return it."""
         episode = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}
         info["episode"] = episode
         self.episodes += 1
-        self._recent_returns.append(episode["r"])
         figures = (float(info[name]) if name in info else None for name in FIGURES)
         self._rows.append((*episode.values(), *figures))
-        if "is_success" in info:
-            self._recent.append(bool(info["is_success"]))
+        is_success = bool(info["is_success"]) if "is_success" in info else None
+        if is_success is not None:
+            self._ended_last.append(is_success)
+        return EndedEpisode(row, episode["r"], is_success)
 
     def _make_batch(self, stage: int) -> BatchedVecEnv:
         self._settings = stage_settings(self._plan, self._plan.stages[stage])

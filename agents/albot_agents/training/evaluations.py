@@ -77,7 +77,7 @@ class Evaluations:
     @property
     def last(self) -> dict[str, float | None]:
         """Means of the last evaluation: `success_rate`, `spl`, `return`; None if unknown."""
-        if not self.samples:
+        if not len(self._results["timesteps"]):
             return {}
         names = {"success_rate": "successes", "spl": "spl", "return": "results"}
         rows = {name: self._results[key][-1] for name, key in names.items()}

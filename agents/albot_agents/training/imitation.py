@@ -9,20 +9,16 @@ that its own mistakes lead to; the teacher says at each step what it would do.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float32, Int64
+from jaxtyping import Float32
 from torch import Tensor, nn
 from torch.nn import functional
 
-from albot_agents.agent import EnvironmentConfigs
-from albot_agents.registry import make_agent
+from albot_agents.training.teachers import Observations
 
-Integers = Int64[np.ndarray, "robots"]
 Actions = Float32[np.ndarray, "robots numbers"]
-Observations = Mapping[str, Float32[np.ndarray, "robots ..."]]
 
 SECTORS = 36
 """Number of sectors into which the laser's beams are pooled: of each, the nearest range."""
@@ -36,33 +32,6 @@ _TEMPERATURE = 0.5
 """Noise of the choice: the most probable command alone may turn to and fro forever."""
 _BATCH = 128
 _LEARNING_RATE = 1e-3
-
-
-class Teachers:
-    """A scripted agent for each robot of a batch.
-
-    Args:
-        name: Name of the agent.
-        configs: The environment's configurations.
-        actions: The space of one robot's actions.
-        robots: Number of robots.
-    """
-
-    def __init__(self, name: str, configs: EnvironmentConfigs, actions: Any, robots: int) -> None:
-        self._agents = [make_agent(name, configs) for _ in range(robots)]
-        self._actions = actions
-        self.reset(np.ones(robots, np.bool_))
-
-    def reset(self, mask: Bool[np.ndarray, "robots"]) -> None:
-        """Begin new episodes for the robots in a mask."""
-        for k in np.flatnonzero(mask):
-            self._agents[k].reset(np.random.default_rng(k), self._actions)
-
-    def act(self, observations: Observations, robots: Integers) -> Actions:
-        """Return the actions of some robots, whose observations these are."""
-        rows = ({part: rows[k] for part, rows in observations.items()} for k in range(len(robots)))
-        chosen = [self._agents[k].act(row, {}) for k, row in zip(robots, rows, strict=True)]
-        return np.asarray(chosen, np.float32)
 
 
 class Imitator:

@@ -15,7 +15,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv
 
-from albot_agents.trained.network import ABSENT, NOTHING
+from albot_agents.trained.encoders import ABSENT, PartEncoder
+from albot_agents.trained.network import NOTHING
+from albot_agents.training.encoders import extractor_settings
 from albot_agents.training.off_policy import make_off_policy_learner
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_agents.training.plan_check import check_device
@@ -27,12 +29,15 @@ every step of the environments, so small networks are slower there (stable-basel
 too, in its issue 1245)."""
 
 
-def make_learner(plan: TrainingPlan, envs: VecEnv) -> BaseAlgorithm:
+def make_learner(
+    plan: TrainingPlan, envs: VecEnv, encoders: tuple[PartEncoder, ...] = ()
+) -> BaseAlgorithm:
     """Make the untrained learner of a plan.
 
     Args:
         plan: The plan.
         envs: The environments, `plan.n_envs` of them.
+        encoders: The encoders of the policy, as `policy_encoders` returns them.
 
     Raises:
         InputError: The plan requests a GPU, and there is none.
@@ -41,7 +46,7 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> BaseAlgorithm:
         torch.set_num_threads(plan.torch_threads)
     if plan.learns_off_policy:
         activation = _ACTIVATIONS[plan.policy.activation]
-        return make_off_policy_learner(plan, envs, activation, choose_device(plan))
+        return make_off_policy_learner(plan, envs, encoders, activation, choose_device(plan))
     numbers: dict[str, Any] = {
         name: getattr(plan, name)
         for name in (
@@ -55,7 +60,7 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> BaseAlgorithm:
         _policy_kind(plan),
         envs,
         ent_coef=plan.schedule("ent_coef").first,
-        policy_kwargs=_policy_settings(plan),
+        policy_kwargs=_policy_settings(plan) | extractor_settings(encoders),
         device=choose_device(plan),
         **numbers,
     )

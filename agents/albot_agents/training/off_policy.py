@@ -17,6 +17,8 @@ from stable_baselines3 import DQN, SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from albot_agents.trained.encoders import PartEncoder
+from albot_agents.training.encoders import extractor_settings
 from albot_agents.training.plan import TrainingPlan
 
 _TAU = {"sac": 0.005, "dqn": 1.0, "qrdqn": 1.0}
@@ -24,13 +26,18 @@ _TAU = {"sac": 0.005, "dqn": 1.0, "qrdqn": 1.0}
 
 
 def make_off_policy_learner(
-    plan: TrainingPlan, envs: VecEnv, activation: type[torch.nn.Module], device: str
+    plan: TrainingPlan,
+    envs: VecEnv,
+    encoders: tuple[PartEncoder, ...],
+    activation: type[torch.nn.Module],
+    device: str,
 ) -> OffPolicyAlgorithm:
     """Make the untrained learner of a plan for `sac`, `dqn` or `qrdqn`.
 
     Args:
         plan: The plan.
         envs: The environments, `plan.n_envs` of them.
+        encoders: The encoders of the policy.
         activation: Activation after each hidden layer.
         device: `cpu` or `cuda`.
     """
@@ -43,12 +50,13 @@ def make_off_policy_learner(
         "learning_rate": plan.schedule("learning_rate"),
         "device": device,
     }
+    network = {"activation_fn": activation, **extractor_settings(encoders)}
     make = _make_sac if plan.algorithm == "sac" else _make_value_based
-    return make(plan, envs, activation, settings)
+    return make(plan, envs, network, settings)
 
 
 def _make_sac(
-    plan: TrainingPlan, envs: VecEnv, activation: type[torch.nn.Module], settings: dict[str, Any]
+    plan: TrainingPlan, envs: VecEnv, network: dict[str, Any], settings: dict[str, Any]
 ) -> BatchSAC:
     own, policy = plan.off_policy, plan.policy
     critic = policy.net_arch if policy.value_arch is None else policy.value_arch
@@ -57,10 +65,7 @@ def _make_sac(
         envs,
         ent_coef=own.ent_coef,
         target_entropy="auto" if own.target_entropy is None else own.target_entropy,
-        policy_kwargs={
-            "net_arch": {"pi": list(policy.net_arch), "qf": list(critic)},
-            "activation_fn": activation,
-        },
+        policy_kwargs={"net_arch": {"pi": list(policy.net_arch), "qf": list(critic)}, **network},
         **settings,
     )
     biases = learner.policy.state_dict()
@@ -73,10 +78,10 @@ def _make_sac(
 
 
 def _make_value_based(
-    plan: TrainingPlan, envs: VecEnv, activation: type[torch.nn.Module], settings: dict[str, Any]
+    plan: TrainingPlan, envs: VecEnv, network: dict[str, Any], settings: dict[str, Any]
 ) -> BatchDQN | BatchQRDQN:
     own, start = plan.off_policy, plan.policy.initial_action
-    network: dict[str, Any] = {"net_arch": list(plan.policy.net_arch), "activation_fn": activation}
+    network["net_arch"] = list(plan.policy.net_arch)
     kind: Any = BatchDQN
     if plan.algorithm == "qrdqn":
         kind, network["n_quantiles"] = BatchQRDQN, own.n_quantiles

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from albot_core.errors import InputError
 from albot_core.ranges import FINITE, FROM_ONE, NOT_NEGATIVE, SHARE, Range, check_fields
@@ -93,7 +94,7 @@ USERS = {
 """The algorithms that use each field."""
 
 
-def _is_coefficient(value: float | str) -> bool:
+def _is_coefficient(value: Any) -> bool:
     """Whether it is a coefficient of the entropy, in the notation of stable-baselines3."""
     if not isinstance(value, str):
         return value in NOT_NEGATIVE

@@ -9,16 +9,18 @@ from operator import attrgetter
 from typing import Any
 
 from albot_agents.evaluation.plan import parse_seeds
-from albot_agents.trained.network import LAYERS, SIZES
+from albot_agents.trained.encoders import LAYERS, SIZES
 from albot_agents.training.off_policy_plan import OFF_POLICY, USERS, VALUE_BASED, OffPolicyPlan
+from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 ON_POLICY = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
 ALGORITHMS = (*ON_POLICY, *OFF_POLICY)
-POLICIES = ("mlp", "candidates")
-"""Networks that take the whole observation, or that take each candidate in it separately."""
+POLICIES = ("mlp", "cnn", "attention", "multi_input", "candidates")
+"""Networks that take the whole observation, that see patches by convolutions, the graph of places
+by attention, or both, and networks that take each candidate in the observation separately."""
 ACTIVATIONS = ("elu", "relu", "tanh")
 DEVICES = ("auto", "cpu", "cuda")
 
@@ -29,6 +31,7 @@ MOST_SAMPLES = 10_000_000
 LARGEST_SEED = 2**32 - 1
 """Largest seed: stable-baselines3 seeds numpy's old generator too, which takes 32 bits."""
 _SEED = Range(f"a whole number from 0 to {LARGEST_SEED}", 0.0, float(LARGEST_SEED), whole=True)
+_HEADS = Range("a whole number from 1 to 64", 1.0, 64.0, whole=True)
 _LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
 _LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
 _THREADS = Range("a whole number from 0 to 1024", 0.0, 1024.0, whole=True)
@@ -50,11 +53,25 @@ _USERS = {
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyPlan:
-    """The networks. Policy and value have one each, without shared layers."""
+    """The networks. Policy and value have one each; they share the encoders of `kind` alone."""
 
     kind: str = "mlp"
-    """`mlp`, or `candidates` for tasks whose action selects one of several candidates or none. The
-    networks then process each candidate separately, and pool by the maximum over all of them."""
+    """What encodes the observation before the LSTM or the first hidden layer:
+
+    - `mlp`: nothing,
+    - `cnn`: convolutions encode each observed patch (`map_patch`, `true_patch`, `coverage`),
+    - `attention`: attention pools the rows of `place_graph`,
+    - `multi_input`: both,
+    - `candidates`: for tasks whose action selects one of several candidates or none. The networks
+      process each candidate separately, and pool by the maximum over all of them.
+
+    The parts that nothing encodes enter as they are."""
+    filters: tuple[int, ...] = (8, 16, 16)
+    """Number of 3 × 3 filters with stride 2 of each layer of convolutions."""
+    graph_units: int = 32
+    """Length of an embedded row of the graph of places."""
+    graph_heads: int = 4
+    """Number of heads of the attention, each of which pools the rows by its own weights."""
     net_arch: tuple[int, ...] = (64, 64)
     """Units of each hidden layer."""
     value_arch: tuple[int, ...] | None = None
@@ -70,22 +87,24 @@ class PolicyPlan:
     the initial logits of "none" and of "this one". It can keep an untrained policy from declaring
     home by chance after a few steps, before it could learn to drive."""
     sampled: bool = False
-    """Whether the agent samples its actions, as in training, instead of taking the mean action,
-    which may stand still forever between turning left and right. Evaluations during training use
-    the mean anyway. Not for discrete actions."""
+    """Whether the agent samples speed and turn rate, as in training, instead of taking the mean,
+    which may stand still forever between turning left and right. What it says, such as that it is
+    home, is decided by the mean. Evaluations during training use the mean anyway. Not for discrete
+    actions."""
     lstm_size: int = 128
     """Units of each LSTM layer, for `recurrent_ppo` only."""
     lstm_layers: int = 1
     """Number of LSTM layers before the hidden layers, for `recurrent_ppo` only."""
 
     def __post_init__(self) -> None:
-        check_fields(self, SIZES, "lstm_size")
+        check_fields(self, SIZES, "lstm_size", "graph_units")
+        check_fields(self, _HEADS, "graph_heads")
         check_fields(self, _LSTM_LAYERS, "lstm_layers")
         check_fields(self, _LOG_STD, "log_std_init")
         if any(number not in FINITE for number in self.initial_action or ()):
             found = str(list(self.initial_action or ()))
             raise InputError("PolicyPlan.initial_action", "finite numbers", found)
-        for name in ("net_arch", "value_arch"):
+        for name in ("net_arch", "value_arch", "filters"):
             sizes = getattr(self, name) or ()
             if len(sizes) not in LAYERS or any(units not in SIZES for units in sizes):
                 expected = "at most 8 sizes from 1 to 65536"
@@ -126,7 +145,8 @@ class StagePlan:
     for_steps: int | None = None
     """Samples after which the next stage begins."""
     until_success: float | None = None
-    """Success rate over the last 500 episodes at which the next stage begins."""
+    """Success rate over the 500 episodes of the stage that ended last, at which the next stage
+    begins."""
 
     def __post_init__(self) -> None:
         if self.for_steps is not None:
@@ -185,6 +205,8 @@ class TrainingPlan:
     """Evaluations during training; None for no evaluations."""
     curriculum: tuple[StagePlan, ...] = ()
     """The stages in order; empty for a single stage without end."""
+    pretrain: PretrainPlan | None = None
+    """Behaviour cloning of an agent before the first sample; None to begin untrained."""
     checkpoint_every: int = 500_000
     """Samples between two checkpoints."""
     seed: int = 0
@@ -210,8 +232,12 @@ class TrainingPlan:
         check_fields(self, POSITIVE, "max_grad_norm")
         _check_name("TrainingPlan.algorithm", self.algorithm, ALGORITHMS)
         _check_name("TrainingPlan.device", self.device, DEVICES)
-        if self.recurrent and self.policy.kind != "mlp":
-            raise InputError("TrainingPlan.policy", "kind mlp for an LSTM", self.policy.kind)
+        if self.recurrent and self.policy.kind == "candidates":
+            expected = "another kind than candidates for an LSTM"
+            raise InputError("TrainingPlan.policy", expected, self.policy.kind)
+        if self.pretrain is not None and self.learns_off_policy:
+            expected = f"null for {self.algorithm}: only {' and '.join(ON_POLICY)} clone"
+            raise InputError("TrainingPlan.pretrain", expected, "a pretraining")
         self._check_unused_fields()
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
@@ -262,8 +288,9 @@ class TrainingPlan:
     def _check_off_policy(self) -> None:
         """Raise InputError for what does not fit an algorithm that learns from a replay buffer."""
         place, own, kind = "TrainingPlan.off_policy", self.off_policy, self.policy.kind
-        if kind != "mlp":
-            raise InputError("TrainingPlan.policy", f"kind mlp for {self.algorithm}", kind)
+        if kind == "candidates":
+            expected = f"another kind than candidates for {self.algorithm}"
+            raise InputError("TrainingPlan.policy", expected, kind)
         if own.buffer_size < self.n_envs:
             expected = f"a buffer_size of n_envs, {self.n_envs}, or more"
             raise InputError(place, expected, str(own.buffer_size))

@@ -10,16 +10,29 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import VectorEnv
 
+from albot_agents.trained.encoders import ATTENTION, CONVOLUTION, PartEncoder
 from albot_agents.trained.network import CANDIDATES
 from albot_agents.training.off_policy_plan import VALUE_BASED
 from albot_agents.training.plan import ON_POLICY, PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 from albot_core.plain_data import Location
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.parts.ground import COVERAGE
+from albot_env.tasks.core.parts.map_patch import MAP_PATCH
+from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH
+from albot_env.tasks.core.parts.truth import TRUE_PATCH
 
 Batch = VectorEnv[Any, Any, np.ndarray]
 MEMORY = Location("training plan")
 """Location of a plan that was not read from a file."""
+_PATCHES = (MAP_PATCH.name, TRUE_PATCH.name, COVERAGE.name)
+"""Parts that convolutions encode."""
+_ENCODED: dict[str, tuple[tuple[str, ...], ...]] = {
+    "cnn": (_PATCHES,),
+    "attention": ((PLACE_GRAPH.name,),),
+}
+_ENCODED["multi_input"] = (*_ENCODED["cnn"], *_ENCODED["attention"])
+"""For each kind of policy: groups of parts, of each of which it encodes those that are observed."""
 
 
 def check_device(plan: TrainingPlan, where: Location = MEMORY) -> None:
@@ -104,6 +117,7 @@ def check_policy(
         actions: The environment's action space.
         where: Location of the plan.
     """
+    policy_encoders(policy, observation_config, where)
     where = where.at("policy")
     discrete = isinstance(actions, spaces.Discrete)
     outputs = spaces.flatdim(actions)
@@ -119,6 +133,40 @@ def check_policy(
     if policy.initial_action is not None and len(policy.initial_action) != outputs:
         found = str(len(policy.initial_action))
         raise where.at("initial_action").error(f"{outputs} numbers", found)
+
+
+def policy_encoders(
+    policy: PolicyPlan, observation_config: ObservationConfig, where: Location = MEMORY
+) -> tuple[PartEncoder, ...]:
+    """Return the encoders of a policy, in the order of the observation's parts.
+
+    Args:
+        policy: The policy.
+        observation_config: The environment's observation config.
+        where: Location of the plan.
+
+    Raises:
+        InputError: The observation has no part that a policy of this kind encodes.
+    """
+    groups = _ENCODED.get(policy.kind, ())
+    shapes = observation_config.shapes if groups else {}
+    for group in groups:
+        if not any(part in shapes for part in group):
+            expected = f"mlp, or observations with the part {' or '.join(group)}"
+            found = f"{policy.kind} and {', '.join(shapes)}"
+            raise where.at("policy", "kind").error(expected, found)
+    encoders, begin = [], 0
+    for part, shape in shapes.items():
+        if any(part in group for group in groups):
+            kind = ATTENTION if part == PLACE_GRAPH.name else CONVOLUTION
+            sizes: dict[str, Any] = {"filters": policy.filters}
+            if kind == ATTENTION:
+                places = observation_config.place_graph.places
+                sizes = {"places": places, "units": policy.graph_units}
+                sizes["heads"] = policy.graph_heads
+            encoders.append(PartEncoder(part=part, kind=kind, begin=begin, shape=shape, **sizes))
+        begin += int(np.prod(shape))
+    return tuple(encoders)
 
 
 def check_spaces(before: Batch, after: Batch, where: Location) -> None:

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from albot_agents.evaluation.plan import Trial, parse_seeds, plan_trials
 from albot_agents.task import check_task, read_settings
+from albot_agents.training.demonstrations import LARGEST, Lesson, read_demonstrations
 from albot_agents.training.plan import EvaluationPlan, StagePlan, TrainingPlan
 from albot_agents.training.plan_check import (
     MEMORY,
@@ -21,6 +23,8 @@ from albot_agents.training.plan_check import (
     check_policy,
     check_spaces,
 )
+from albot_agents.training.pretrain_plan import PretrainPlan
+from albot_agents.training.teachers import TaughtEnvironments
 from albot_core.config_document import to_yaml
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -31,7 +35,12 @@ _SHIPPED = resources.files("albot_agents.training") / "configs"
 
 
 def read_plan(
-    path: Path, task: str | None = None, *, tried: bool = True, **changes: Any
+    path: Path,
+    task: str | None = None,
+    *,
+    tried: bool = True,
+    pretrained: bool = False,
+    **changes: Any,
 ) -> TrainingPlan:
     """Read the plan in a YAML file.
 
@@ -39,6 +48,7 @@ def read_plan(
         path: The file.
         task: The task; None for the one that the file names.
         tried: Whether the plan's environments are made once, to check what its settings are for.
+        pretrained: Whether the pretraining is over, so that its agent or file is needed no more.
         changes: Values of top-level keys that replace the file's, which must be valid anyway, and
             `robot`, which replaces that of `env`. None replaces nothing.
 
@@ -46,7 +56,7 @@ def read_plan(
         InputError: The file is missing or not YAML, has an unknown key or an invalid value, is for
             another task, or requests a GPU where there is none.
     """
-    return _plan(read_yaml(path), path, task, changes, tried)
+    return _plan(read_yaml(path), path, task, changes, tried, pretrained)
 
 
 def shipped_plan(task: str, *, tried: bool = True, **changes: Any) -> TrainingPlan:
@@ -86,10 +96,28 @@ def stage_settings(
         InputError: A setting is unknown, or its value is invalid for the plan.
     """
     settings = _read_settings(plan, deep_merge(plan.env, stage.env), where)
+    return _distributed(settings, plan.n_envs)
+
+
+def pretraining_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[str, Any]:
+    """Return the settings of the environments of the pretraining.
+
+    They are those of the last stage, overridden by those of the pretraining.
+
+    Raises:
+        InputError: As for `stage_settings`.
+    """
+    assert plan.pretrain is not None
+    last = deep_merge(plan.env, plan.stages[-1].env)
+    env = deep_merge(last, plan.pretrain.env)
+    settings = _read_settings(plan, env, where, plan.pretrain.n_envs)
+    return _distributed(settings, plan.pretrain.n_envs)
+
+
+def first_world(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a batch of one environment."""
     worlds = settings.get("world")
-    if isinstance(worlds, list):
-        settings["world"] = [worlds[k % len(worlds)] for k in range(plan.n_envs)]
-    return settings
+    return {**settings, "world": worlds[0]} if isinstance(worlds, list) else dict(settings)
 
 
 def evaluation_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[str, Any]:
@@ -113,6 +141,7 @@ def _plan(
     task: str | None,
     changes: Mapping[str, Any],
     tried: bool,
+    pretrained: bool = False,
 ) -> TrainingPlan:
     where = Location(source, place=document.place)
     data = document.data
@@ -130,12 +159,18 @@ def _plan(
         plan = dataclasses.replace(plan, **given)
     if tried:
         check_device(plan, where)
-        _check_environments(plan, where)
+        batch = _check_environments(plan, where)
+        if plan.pretrain is not None and not pretrained:
+            _check_pretraining(plan, plan.pretrain, batch, where)
     return plan
 
 
-def _check_environments(plan: TrainingPlan, where: Location) -> None:
-    """Raise InputError for settings that are invalid, or that the learner cannot work with."""
+def _check_environments(plan: TrainingPlan, where: Location) -> Any:
+    """Return a batch of the first stage, closed.
+
+    Raises:
+        InputError: Settings are invalid, or the learner cannot work with them.
+    """
     _read_settings(plan, plan.env, where.at("env"))
     for k, stage in enumerate(plan.curriculum):
         _read_settings(plan, stage.env, where.at("curriculum", k, "env"))
@@ -159,22 +194,66 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
         settings = evaluation_settings(plan, place)
         batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
         check_spaces(batches[0], batch, place)
+    return batches[0]
 
 
-def _read_settings(plan: TrainingPlan, env: Mapping[str, Any], where: Location) -> dict[str, Any]:
-    """Parse settings of a batch of environments.
+def _check_pretraining(
+    plan: TrainingPlan, pretrain: PretrainPlan, batch: Any, where: Location
+) -> None:
+    """Raise InputError if an agent cannot demonstrate, or if demonstrations do not fit.
+
+    Args:
+        plan: The plan.
+        pretrain: Its pretraining.
+        batch: A batch of the first stage.
+        where: Location of the plan.
+    """
+    place = where.at("pretrain")
+    settings = pretraining_settings(plan, place.at("env"))
+    own = _try_out(plan, pretrain.env, settings, where.at("env"), place.at("env"))
+    check_spaces(batch, own, place.at("env"))
+    (length,) = own.single_observation_space.shape
+    if pretrain.demonstrations:
+        lesson = Lesson.of(plan.task, settings, own)
+        read_demonstrations(Path(pretrain.demonstrations), lesson, length)
+        return
+    most = LARGEST // (length * np.dtype(np.float16).itemsize)
+    if pretrain.steps > most:
+        expected = f"at most {most:,} samples of {length:,} numbers each"
+        raise place.at("steps").error(expected, f"{pretrain.steps:,}")
+    try:
+        TaughtEnvironments(plan.task, pretrain.agent, 1, first_world(settings)).close()
+    except InputError as error:
+        found = f"{pretrain.agent} ({error.found})"
+        raise place.at("agent").error(error.expected, found) from None
+
+
+def _distributed(settings: dict[str, Any], count: int) -> dict[str, Any]:
+    """Return settings with a list of worlds distributed over `count` environments in turn."""
+    worlds = settings.get("world")
+    if isinstance(worlds, list):
+        settings["world"] = [worlds[k % len(worlds)] for k in range(count)]
+    return settings
+
+
+def _read_settings(
+    plan: TrainingPlan, env: Mapping[str, Any], where: Location, count: int | None = None
+) -> dict[str, Any]:
+    """Parse settings of `count` environments, by default those of the training, made flat.
 
     Raises:
-        InputError: As for `read_settings`; or the observations are not flat, as the networks need;
-            or a list has no world, or one that no environment would get.
+        InputError: As for `read_settings`; or a list has no world, or one that no environment
+            would get.
     """
     settings = read_settings(plan.task, env, where)
-    observation = settings.get("observation", "flat")
-    if observation != "flat":
-        raise where.at("observation").error("flat, the form that networks take", observation)
+    if settings.get("observation") == "dict":
+        # Networks take a row of numbers. `FlattenObservation` would make the same of a dict, by a
+        # contract of all environments, but would copy every part at every step.
+        settings["observation"] = "flat"
     worlds = settings.get("world")
-    if isinstance(worlds, list) and not 1 <= len(worlds) <= plan.n_envs:
-        expected = f"at least one world, and at most n_envs, {plan.n_envs}"
+    count = plan.n_envs if count is None else count
+    if isinstance(worlds, list) and not 1 <= len(worlds) <= count:
+        expected = f"at least one world, and at most n_envs, {count}"
         raise where.at("world").error(expected, str(len(worlds)))
     return settings
 

@@ -1,4 +1,7 @@
-"""A training run: it alternates rollouts and updates, and writes all files of the run."""
+"""A training run: it alternates rollouts and updates, and writes all files of the run.
+
+A pretraining, if the plan has one, comes before the first rollout.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,7 @@ from albot_agents.training.curriculum import Curriculum
 from albot_agents.training.evaluations import Evaluations
 from albot_agents.training.learner import make_learner
 from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.pretraining import Pretraining
 from albot_agents.training.run_files import EpisodeLog, RunFolder, machine_facts
 from albot_core.errors import InputError
 from albot_core.plain_data import Location, read_record
@@ -78,12 +82,15 @@ class TrainingRun:
         self._curriculum = Curriculum(
             plan, int(self._resumed["stage"]), float(self._resumed["seconds"])
         )
-        self.learner: BaseAlgorithm = make_learner(plan, self._curriculum)
+        self.learner: BaseAlgorithm = make_learner(plan, self._curriculum, self._exporter.encoders)
         """The learner."""
         if found is not None:
             path, checkpoint = found
             restore(self.learner, checkpoint, path)
             self._curriculum.seed(self._next_seed())
+        # The first checkpoint comes after the pretraining.
+        self._pretrains = found is None and plan.pretrain is not None
+        self._figures: dict[str, float | int | None] = {}
         self._stage_began = int(self._resumed["stage_began"])
         self._began_at = self._saved_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
@@ -108,6 +115,8 @@ class TrainingRun:
             remaining = self._plan.n_timesteps - self.learner.num_timesteps
             if remaining > 0:
                 self._prepare_journeys()
+                if self._pretrains:
+                    self._pretrain()
                 callback = _RolloutCallback(self._between_rollouts, self._rollouts_of_round)
                 # None, because an off-policy learner would log every few episodes within a step.
                 log_interval: Any = None if self._plan.learns_off_policy else 1
@@ -117,7 +126,8 @@ class TrainingRun:
             self._between_rollouts(last=True)
         except KeyboardInterrupt:
             stopped = True
-            self._save()
+            if not self._pretrains:
+                self._save()
         except (ValueError, RuntimeError):
             # Torch refuses distributions with such weights, in the midst of an update.
             self._check_weights()
@@ -144,6 +154,21 @@ class TrainingRun:
         for each in (self._curriculum, self._evaluations):
             if each is not None:
                 each.prepare_journeys(lambda note: self._report(samples, note))
+
+    def _pretrain(self) -> None:
+        """Let the policy learn from demonstrations, and evaluate what it has learnt."""
+        assert isinstance(self.learner, OnPolicyAlgorithm), "others are refused with the plan"
+        pretraining = Pretraining(self._plan, self.learner, self._folder.demonstrations)
+        self._figures = pretraining.run(lambda note: self._report(0, note))
+        for name, value in self._figures.items():
+            if value is not None:
+                self.learner.logger.record(f"pretrain/{name}", value)
+        self._check_weights()
+        self._snapshot = self._take_snapshot()
+        self._save()
+        self._pretrains = False
+        if self._evaluations is not None:
+            self._evaluate(self._evaluations)
 
     def _between_rollouts(self, last: bool = False) -> None:
         """Change the stage, evaluate and save where due, between two rounds and at the end."""
@@ -195,6 +220,10 @@ class TrainingRun:
             return
         if samples - evaluations.samples < (1 if last else evaluation.every):
             return
+        self._evaluate(evaluations)
+
+    def _evaluate(self, evaluations: Evaluations) -> None:
+        """Evaluate the policy, and save it if it is the best so far."""
         best = evaluations.measure(self.learner)
         for name, value in evaluations.last.items():
             if value is not None:
@@ -258,6 +287,7 @@ class TrainingRun:
             "samples": self._snapshot.samples,
             "episodes": self._snapshot.run["episodes"],
             "stage": curriculum.stage,
+            "pretraining": self._figures,
             "seconds": seconds,
             "samples_per_second": (samples - self._began_at) / seconds,
             "environment_share": curriculum.step_seconds / seconds,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.training.checkpoint import checkpoints, newest_checkpoint
+from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError, MissingFileError
@@ -72,6 +72,11 @@ class RunFolder:
         return self.path / "evaluations.npz"
 
     @property
+    def demonstrations(self) -> Path:
+        """The demonstrations of the pretraining."""
+        return self.path / "demonstrations.npz"
+
+    @property
     def checkpoints(self) -> Path:
         """The checkpoints."""
         return self.path / "checkpoints"
@@ -101,43 +106,72 @@ class RunFolder:
             make_folder(self.checkpoints)
             save_plan(plan, self.plan)
 
-    def resume(self, task: str | None, *, n_timesteps: int | None = None) -> TrainingPlan:
+    def resume(
+        self, task: str | None, *, n_timesteps: int | None = None, tried: bool = True
+    ) -> TrainingPlan:
         """Delete temporary files that a killed process left; return the plan of the existing run.
 
-        Args:
-            task: The task; None for the run's.
-            n_timesteps: Samples in all, which replace the plan's; None to keep these.
-
-        Raises:
-            InputError: The folder holds no run, or one for another task, or one with more samples
-                than `n_timesteps`, or its checkpoints are damaged or gone.
+        Arguments and errors are those of `check`.
         """
-        if not self.plan.is_file():
-            raise InputError(
-                self.path, f"the folder of a training run, with {self.plan.name}", "none"
-            )
-        plan = read_plan(self.plan, task, n_timesteps=n_timesteps)
-        # Without a checkpoint a run begins anew, as one that was stopped before its first. But an
-        # agent is saved only with a checkpoint.
-        if self.last.exists() and not checkpoints(self.checkpoints):
-            expected = f"the checkpoint of {self.last.name}"
-            raise InputError(self.checkpoints, expected, "none; a new run needs a new folder")
+        plan = self.check(task, n_timesteps=n_timesteps, tried=tried)
         make_folder(self.checkpoints)
-        if n_timesteps is not None:
-            self._check_unreached(n_timesteps)
         for folder in (self.path, self.checkpoints):
             for left in folder.glob(".*.*.*"):
                 left.unlink(missing_ok=True)
         save_plan(plan, self.plan)
         return plan
 
+    def check(
+        self, task: str | None, *, n_timesteps: int | None = None, tried: bool = True
+    ) -> TrainingPlan:
+        """Check that the existing run can be resumed; return its plan.
+
+        Args:
+            task: The task; None for the run's.
+            n_timesteps: Samples in all, which replace the plan's; None to keep these.
+            tried: As for `read_plan`.
+
+        Raises:
+            InputError: The folder holds no run, or one for another task, or one with more samples
+                than `n_timesteps`, or its checkpoints are damaged or gone.
+        """
+        from albot_agents.training.checkpoint import checkpoints  # Slow to load: PyTorch.
+
+        if not self.plan.is_file():
+            raise InputError(
+                self.path, f"the folder of a training run, with {self.plan.name}", "none"
+            )
+        begun = bool(checkpoints(self.checkpoints))
+        plan = read_plan(self.plan, task, tried=tried, pretrained=begun, n_timesteps=n_timesteps)
+        # Without a checkpoint a run begins anew, as one that was stopped before its first. But an
+        # agent is saved only with a checkpoint.
+        if self.last.exists() and not checkpoints(self.checkpoints):
+            expected = f"the checkpoint of {self.last.name}"
+            raise InputError(self.checkpoints, expected, "none; a new run needs a new folder")
+        if n_timesteps is not None:
+            self._check_unreached(n_timesteps)
+        return plan
+
     def _check_unreached(self, n_timesteps: int) -> None:
         """Raise InputError if the run has more samples than `n_timesteps` already."""
+        from albot_agents.training.checkpoint import newest_checkpoint  # Slow to load: PyTorch.
+
         found = newest_checkpoint(self.checkpoints)
         done = 0 if found is None else found[1].samples
         if n_timesteps < done:
             expected = f"at least the {done:,} samples that are done, as the samples in all"
             raise InputError(self.path, expected, f"{n_timesteps:,}", place="--steps")
+
+    def is_finished(self, plan: TrainingPlan) -> bool:
+        """Return whether the run has all samples of its plan, and the evaluation after the last."""
+        try:
+            training = read_agent(self.last).training
+        except InputError:  # There is none yet, or it is damaged; the run then writes it.
+            return False
+        if training.samples < plan.n_timesteps:
+            return False
+        measured = training.curve.get("samples") or [0.0]
+        return plan.evaluation is None or measured[-1] >= training.samples
 
     @property
     def command(self) -> str:

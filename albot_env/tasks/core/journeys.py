@@ -137,6 +137,9 @@ class JourneyCache:
 
 JOURNEY_CACHE = JourneyCache()
 """The cache of this process."""
+_LATEST = JourneyCache(limit=16 * 2**20)
+"""The latest journeys of those that are new each time: agents that are compared, one after another
+in the same episode, make the same one if they have the same equipment."""
 
 
 class Journeys(ABC, Generic[Kept]):
@@ -163,10 +166,9 @@ class Journeys(ABC, Generic[Kept]):
 
     def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Kept:
         """Draw a journey from a start at random."""
-        if not self._count:
-            return self.travel(JourneySpec(world, start, int(rng.integers(2**63))))
-        spec = JourneySpec(world, start, int(rng.integers(self._count)))
-        kept: Kept = JOURNEY_CACHE.fetch(self._key(spec), lambda: self.travel(spec))
+        spec = JourneySpec(world, start, int(rng.integers(self._count or 2**63)))
+        cache = JOURNEY_CACHE if self._count else _LATEST
+        kept: Kept = cache.fetch(self._key(spec), lambda: self.travel(spec))
         return kept
 
     def missing(self, worlds: Sequence[WorldSet]) -> list[JourneySpec]:

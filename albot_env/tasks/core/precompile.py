@@ -15,12 +15,13 @@ from multiprocessing import parent_process
 import numpy as np
 
 from albot_core.kernels.linking import Kernel
+from albot_core.mappers.registry import NO_MAPPER
 from albot_env.sim.sensing import sense
 from albot_env.sim.thread_pool import processors
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.settings import NO_MAPPER, Equipment
+from albot_env.tasks.core.settings import Equipment
 from albot_maps import load_world
 
 WORLD = "square-loop"

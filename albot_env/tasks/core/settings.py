@@ -16,6 +16,7 @@ from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
 from albot_core.mappers.registry import (
+    NO_MAPPER,
     check_sensors,
     config_for_radius,
     make_mapper,
@@ -38,8 +39,6 @@ DEFAULT_WORLD = "office-ring"
 """The default world."""
 LARGEST_SEED = 2**128 - 1
 """Largest seed of an episode: numpy draws seeds of 128 bits, and recordings hold them."""
-NO_MAPPER = "none"
-"""Name for no mapper: the belief is dead reckoning, and there is no map."""
 
 
 class UnknownSettingError(InputError, TypeError):

@@ -19,6 +19,7 @@ from jaxtyping import Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Points, Pose
+from albot_core.mappers.registry import NO_MAPPER
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import SteeringConfig
@@ -31,7 +32,7 @@ from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import JourneyCache, Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.row_arrays import Arrays
-from albot_env.tasks.core.settings import NO_MAPPER, Equipment
+from albot_env.tasks.core.settings import Equipment
 from albot_maps import World
 from albot_maps.geodesic import DistanceField
 

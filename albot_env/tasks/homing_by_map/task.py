@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
+from threading import Lock
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -88,6 +89,12 @@ class _Plan(NamedTuple):
     """The doorways that could be cut into the world."""
 
 
+_PLANS: OrderedDict[tuple[int, bytes], _Plan] = OrderedDict()
+"""The plans of this process by the world's id and the start; a plan holds its world. Robots that
+are compared, one after another in the same episode, share the changed worlds and so the ways."""
+_PLANS_LOCK = Lock()
+
+
 def _carried(journey: OutwardJourney, rng: np.random.Generator) -> _Episode:
     """Carry the robot elsewhere at the end of a journey."""
     end = journey.end
@@ -130,7 +137,6 @@ class HomingByMapTask(HomingTask):
         self._given: list[World | None] = [None] * robots
         self._kinds = np.full(robots, "none", object)
         self._bases = np.full(robots, _GIVEN)
-        self._plans: OrderedDict[tuple[int, bytes], _Plan] = OrderedDict()
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Start a robot's episode at the end of an outward journey, after a change."""
@@ -207,20 +213,24 @@ class HomingByMapTask(HomingTask):
     def _plan(self, world: World, start: Pose) -> _Plan:
         """Return what can be changed in a world; the most recent plans are kept."""
         key = id(world), start.tobytes()
-        if key not in self._plans:
-            more, field = with_more_doors(world), self._field(world, start)
-            self._plans[key] = _Plan(
-                given=world,
-                given_field=field,
-                more_doors=more,
-                more_field=self._field(more, start),
-                shut=tuple(openable_doors(world, field)),
-                doorways=possible_doorways(world),
-            )
-            if len(self._plans) > _KEPT:
-                self._plans.popitem(last=False)
-        self._plans.move_to_end(key)
-        return self._plans[key]
+        with _PLANS_LOCK:
+            if key in _PLANS:
+                _PLANS.move_to_end(key)
+                return _PLANS[key]
+        more, field = with_more_doors(world), self._field(world, start)
+        plan = _Plan(
+            given=world,
+            given_field=field,
+            more_doors=more,
+            more_field=self._field(more, start),
+            shut=tuple(openable_doors(world, field)),
+            doorways=possible_doorways(world),
+        )
+        with _PLANS_LOCK:
+            _PLANS[key] = plan
+            while len(_PLANS) > _KEPT:
+                _PLANS.popitem(last=False)
+        return plan
 
     @staticmethod
     def _field(world: World, goal: Float64[np.ndarray, "numbers"]) -> DistanceField:

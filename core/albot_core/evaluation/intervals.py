@@ -86,6 +86,44 @@ def bootstrap_clusters(
     return _percentiles(sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
 
 
+def bootstrap_cluster_ratios(
+    numerators: Float64[np.ndarray, "n figures"],
+    denominators: Float64[np.ndarray, "n figures"],
+    clusters: Sequence[Hashable],
+    rng: np.random.Generator,
+) -> list[tuple[float, float] | None]:
+    """Return the 95 % percentile bootstrap intervals of ratios of sums over values in clusters.
+
+    All ratios are of the same resamples. Resamples in which a ratio's denominators add up to 0 do
+    not count for it; a ratio that is left without any has no interval. For source and the other
+    arguments see `bootstrap_clusters`.
+
+    Args:
+        numerators: Of each value, the numerator of each ratio.
+        denominators: Of each value, the denominator of each ratio, 0 or more; all ones for means.
+        clusters: The cluster of each value.
+        rng: Draws the resamples.
+
+    Raises:
+        InputError: There are no values.
+    """
+    if not len(numerators):
+        raise InputError("bootstrap_cluster_ratios", "at least one value", "none")
+    numbers = {cluster: k for k, cluster in enumerate(dict.fromkeys(clusters))}
+    of = np.array([numbers[cluster] for cluster in clusters], np.int64)
+    members = np.equal.outer(np.arange(len(numbers)), of).astype(np.float64)
+    sums = members @ np.stack((numerators, denominators))
+    shape = _RESAMPLES, len(numbers)
+    drawn = rng.integers(len(numbers), size=shape) + len(numbers) * np.arange(_RESAMPLES)[:, None]
+    times = np.bincount(drawn.ravel(), minlength=drawn.size).reshape(shape)  # A cluster is drawn.
+    tops, bottoms = times.astype(np.float64) @ sums
+    intervals: list[tuple[float, float] | None] = []
+    for top, bottom in zip(tops.T, bottoms.T, strict=True):
+        counts = bottom > 0
+        intervals.append(_percentiles(top[counts] / bottom[counts]) if counts.any() else None)
+    return intervals
+
+
 def _resampled(
     values: Float64[np.ndarray, "n"], measure: Callable[..., np.ndarray], rng: np.random.Generator
 ) -> Float64[np.ndarray, "resamples"]:

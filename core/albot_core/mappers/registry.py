@@ -46,6 +46,9 @@ _MEMBERS = {
 }
 """The properties and methods that every mapper and every batch has, by protocol."""
 
+NO_MAPPER = "none"
+"""Name for no mapper: the belief is dead reckoning, and there is no map."""
+
 MAPPERS: dict[str, MapperSpec] = {
     spec.name: spec
     for spec in (

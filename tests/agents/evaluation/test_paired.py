@@ -149,6 +149,19 @@ def test_agents_may_differ_in_what_they_carry_and_see(settings: dict[str, Any]) 
     check_same_episodes(_trials(**settings))
 
 
+def test_agents_may_differ_in_the_hints_that_they_see() -> None:
+    """Of the agents that attempt a probe some are used to hints."""
+    probe: dict[str, Any] = {"task": "Albot/Probe-Detour-v0", "world": "probe-detour", "seed": 1}
+    check_same_episodes(
+        {
+            name: Trial(
+                agent=name, settings=find_agent(name).environment(probe["task"], {}), **probe
+            )
+            for name in ("albot1-homing", "patch-homing")
+        }
+    )
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

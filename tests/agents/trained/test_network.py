@@ -70,7 +70,7 @@ def test_an_mlp_does_as_its_original(activation: str, layers: tuple[int, ...]) -
     assert 0.05 < (np.abs(expected) < 1).mean() < 1  # Some are clipped, some are not.
 
 
-def test_numbers_are_drawn_as_by_its_original() -> None:
+def test_driving_is_drawn_as_by_its_original() -> None:
     plan = TrainingPlan(policy=PolicyPlan(net_arch=(16,), sampled=True))
     policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32), ortho_init=False)
     network, rng = _network(policy, plan, 3), np.random.default_rng(4)
@@ -79,7 +79,9 @@ def test_numbers_are_drawn_as_by_its_original() -> None:
     original = policy.get_distribution(torch.tensor(row[np.newaxis])).distribution
     mean, deviation = (tensor.detach().numpy()[0] for tensor in (original.mean, original.stddev))
     np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.05)
-    np.testing.assert_allclose(drawn.std(axis=0), deviation, rtol=0.03)
+    # Speed and turn rate are drawn; what the agent says is the mean.
+    np.testing.assert_allclose(drawn[:, :2].std(axis=0), deviation[:2], rtol=0.03)
+    np.testing.assert_array_equal(drawn[:, 2], network(row)[2])
 
 
 def test_a_discrete_policy_chooses_as_its_original() -> None:

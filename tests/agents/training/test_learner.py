@@ -60,7 +60,7 @@ def test_where_there_is_nothing_to_weigh_that_is_said(tmp_path: Path) -> None:
     policy = {"kind": "candidates", "initial_action": None}
     with pytest.raises(InputError, match=r"kind: expected .* part arrivals, found candidates and"):
         begun(tmp_path, policy=policy)
-    with pytest.raises(InputError, match="policy: expected kind mlp for an LSTM, found candidates"):
+    with pytest.raises(InputError, match="expected another kind than candidates for an LSTM"):
         begun(tmp_path, policy=policy, algorithm="recurrent_ppo")
     with pytest.raises(InputError, match="did you mean candidates"):
         begun(tmp_path, policy={"kind": "candidate"})

@@ -72,7 +72,7 @@ from tests.agents.training.tiny import begun, off_policy, plan_file
         ),
         ("sac", {"policy": {"sampled": True}}, "policy: expected sampled False, .* sac does not"),
         ("sac", {"policy": {"lstm_size": 4}}, "policy: expected lstm_size 128, .* sac does not"),
-        ("dqn", {"policy": {"kind": "candidates"}}, "policy: expected kind mlp for dqn, found can"),
+        ("dqn", {"policy": {"kind": "candidates"}}, "another kind than candidates for dqn"),
         (
             "sac",
             {"policy": {"initial_action": [0.5, 0, -1]}},

@@ -115,16 +115,16 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"env": {"config": {"radius": -1}}}, "env.config.radius: expected a positive number"),
         ({"env": {"movables": 1}}, "env.movables: expected true or false, found 1"),
         (
-            {"env": {"observation": "dict"}},
-            r"line \d+, env.observation: expected flat, .* found dict",
+            {"env": {"observation": "rows"}},
+            r"line \d+, env.observation: expected flat or dict, found rows",
         ),
         (
-            {"curriculum": [{"env": {"observation": "dict"}}]},
-            r"line \d+, curriculum\[0\].env.observation: expected flat, .* found dict",
+            {"curriculum": [{"env": {"observation": "rows"}}]},
+            r"line \d+, curriculum\[0\].env.observation: expected flat or dict, found rows",
         ),
         (
-            {"evaluation": {"env": {"observation": "dict"}}},
-            r"line \d+, evaluation.env.observation: expected flat, .* found dict",
+            {"evaluation": {"env": {"observation": "rows"}}},
+            r"line \d+, evaluation.env.observation: expected flat or dict, found rows",
         ),
         ({"evaluation": {"seeds": "9..3"}}, "evaluation.seeds: expected a range"),
         (

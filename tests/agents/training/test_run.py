@@ -10,9 +10,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from gymnasium.spaces import Box
 
 from albot_agents.registry import make_agent
@@ -23,7 +25,8 @@ from albot_agents.training.checkpoint import (
     read_checkpoint,
     take_checkpoint,
 )
-from albot_agents.training.plan_file import read_plan
+from albot_agents.training.curriculum import Curriculum
+from albot_agents.training.plan_file import read_plan, stage_settings
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder, free_folder
 from albot_core.archive import ArchiveFormat
@@ -185,6 +188,37 @@ def test_the_same_seed_gives_the_same_agent(trained: Trained, tmp_path: Path) ->
     one, other = read_agent(trained[0].last), read_agent(folder.last)
     for name, array in one.weights.items():
         np.testing.assert_array_equal(array, other.weights[name])
+
+
+def test_observations_by_part_train_the_same_agent(trained: Trained, tmp_path: Path) -> None:
+    """It sees what `FlattenObservation` makes of them, and acts by either form."""
+    folder, plan = begun(tmp_path, env={"observation": "dict"})
+    TrainingRun(folder, plan).run()
+    env: Any = gymnasium.make_vec(
+        plan.task,
+        num_envs=2,
+        **stage_settings(plan, plan.stages[0]) | {"observation": "dict"},
+    )
+    parts, _ = env.reset(seed=[plan.seed, plan.seed + 1])
+    space = env.single_observation_space
+    rows = [
+        spaces.flatten(space, {name: part[k] for name, part in parts.items()}) for k in range(2)
+    ]
+    course = Curriculum(plan, 0)
+    course.seed(plan.seed)
+    np.testing.assert_array_equal(course.reset(), rows)
+    course.close()
+    assert read_plan(folder.plan).env["observation"] == "dict"
+    for name in ("last", "best"):
+        one, other = (read_agent(getattr(its, name)) for its in (trained[0], folder))
+        for weight, array in one.weights.items():
+            np.testing.assert_array_equal(array, other.weights[weight])
+        assert one.fingerprint == other.fingerprint
+    agent = make_agent(str(folder.last))
+    agent.reset(np.random.default_rng(0), env.single_action_space)
+    by_part = {name: part[0] for name, part in parts.items()}
+    np.testing.assert_array_equal(agent.act(by_part, {}), agent.act(rows[0], {}))
+    env.close()
 
 
 def test_a_curriculum_moves_on(tmp_path: Path) -> None:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.evaluation.intervals import bootstrap, bootstrap_ratio, wilson
+from albot_core.evaluation.intervals import (
+    bootstrap,
+    bootstrap_cluster_ratios,
+    bootstrap_clusters,
+    bootstrap_ratio,
+    wilson,
+)
 
 
 @pytest.mark.parametrize(
@@ -64,3 +70,39 @@ def test_a_bootstrapped_ratio_has_the_width_of_the_normal_one() -> None:
 def test_a_ratio_to_nothing_is_refused(values: int, others: int) -> None:
     with pytest.raises(InputError, match="bootstrap"):
         bootstrap_ratio(np.ones(values), np.ones(others), np.median, np.random.default_rng(0))
+
+
+def _cluster_ratios(
+    tops: np.ndarray, bottoms: np.ndarray, clusters: list[int]
+) -> list[tuple[float, float] | None]:
+    return bootstrap_cluster_ratios(tops, bottoms, clusters, np.random.default_rng(2))
+
+
+def test_a_ratio_of_sums_has_the_width_of_the_normal_one() -> None:
+    rng = np.random.default_rng(1)
+    tops, bottoms = rng.normal(6.0, 1.0, (400, 1)), rng.normal(3.0, 0.5, (400, 1))
+    ratio = tops.sum() / bottoms.sum()
+    # The delta method: the residuals of the ratio, by the mean of the denominators.
+    half = 1.96 * (tops - ratio * bottoms).std() / bottoms.mean() / np.sqrt(400)
+    (found,) = _cluster_ratios(tops, bottoms, list(range(400)))
+    assert found == pytest.approx((ratio - half, ratio + half), abs=0.01)
+
+
+def test_ratios_to_ones_are_means_of_clusters() -> None:
+    rng = np.random.default_rng(1)
+    clusters = [k // 4 for k in range(200)]
+    values = np.repeat(rng.normal(size=50), 4)  # As one value of each cluster, four times.
+    (found,) = _cluster_ratios(values[:, None], np.ones((200, 1)), clusters)
+    wanted = bootstrap_clusters(values, clusters, np.random.default_rng(2))
+    assert found == pytest.approx(wanted, rel=1e-9)
+    (alone,) = _cluster_ratios(values[:, None], np.ones((200, 1)), list(range(200)))
+    assert found is not None
+    assert alone is not None
+    assert (found[1] - found[0]) / (alone[1] - alone[0]) == pytest.approx(2, abs=0.1)
+
+
+def test_resamples_without_a_denominator_do_not_count() -> None:
+    tops, bottoms = np.array([[0.5, 0.0], [0.0, 0.0]]), np.array([[1.0, 0.0], [0.0, 0.0]])
+    assert _cluster_ratios(tops, bottoms, [0, 1]) == [(0.5, 0.5), None]
+    with pytest.raises(InputError, match="bootstrap_cluster_ratios"):
+        _cluster_ratios(tops[:0], bottoms[:0], [])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -147,6 +147,29 @@ def test_nothing_is_made_beforehand_that_would_not_fit(
     trips.draw(two_rooms, two_rooms.starts[0], rng)  # Though too large to be kept it is weighed.
     assert trips.missing(worlds) == []
     assert len(_Trips(3, 100).missing(worlds)) == 6  # Which says nothing of another kind.
+
+
+def test_new_journeys_are_made_once_for_robots_that_are_compared(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And again in another world, from another start, for another number or another equipment."""
+    monkeypatch.setattr(journeys, "_LATEST", JourneyCache(LIMIT))
+    monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache(0))
+    start, twin = two_rooms.starts[0], replace(two_rooms, name="twin")
+
+    def draw(size: int, world: World, start: np.ndarray, seed: int) -> Any:
+        return _Trips(0, size).draw(world, start, np.random.default_rng(seed))
+
+    first = draw(10, two_rooms, start, 1)
+    assert draw(10, two_rooms, start, 1) is first
+    others = [
+        draw(11, two_rooms, start, 1),
+        draw(10, twin, start, 1),
+        draw(10, two_rooms, two_rooms.starts[1], 1),
+        draw(10, two_rooms, start, 2),
+    ]
+    assert all(other is not first for other in others)
+    assert others[1].world is twin
 
 
 def test_the_process_keeps_a_quarter_of_a_gigabyte() -> None:

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
+from albot_core.mappers.registry import NO_MAPPER
 from albot_env.sim import choose_sensors
 from albot_env.tasks.core import precompile as module
-from albot_env.tasks.core.settings import NO_MAPPER, Equipment
+from albot_env.tasks.core.settings import Equipment
 
 EQUIPMENT = Equipment(
     mapper="albot1",

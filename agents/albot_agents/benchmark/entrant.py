@@ -1,0 +1,69 @@
+"""An entrant of the benchmark: an agent with its mapper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from albot_agents.benchmark.cell import Cell
+from albot_agents.benchmark.protocol import Protocol
+from albot_agents.registry import AgentEntry, agent_names, find_agent
+
+_FINGERPRINT = 8
+"""Digits of the fingerprint in the name of an agent in a file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entrant:
+    """An agent with its mapper and sensors."""
+
+    name: str
+    """Its name in the table."""
+    source: str
+    """The agent's name, or the path of its file."""
+    entry: AgentEntry
+    """The agent's entry."""
+    mapper: str
+    """Name of the mapper in its environments, or `none`."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Further settings of its environments, such as the sensors that the mapper needs."""
+
+    @property
+    def fingerprint(self) -> str | None:
+        """The fingerprint of a trained agent; None for a scripted one."""
+        return None if self.entry.file is None else self.entry.file.fingerprint
+
+    def cell(self, task: str, odometer: str, worlds: str) -> Cell:
+        """Return a cell of its row."""
+        return Cell(
+            task=task, agent=self.name, mapper=self.mapper, odometer=odometer, worlds=worlds
+        )
+
+    def environment(self, protocol: Protocol, task: str, odometer: str) -> dict[str, Any]:
+        """Return the settings of its environments in a row.
+
+        Raises:
+            InputError: The task has no such settings.
+        """
+        wanted = {"odometer": odometer, "mapper": self.mapper, **self.settings}
+        if (steps := protocol.tasks[task].steps) is not None:
+            wanted["max_episode_steps"] = steps
+        return self.entry.environment(task, wanted)
+
+
+def find_entrant(name: str) -> Entrant:
+    """Return the entrant of an agent, with the mapper that it uses unless another is requested.
+
+    An agent in a file is called after the file and its fingerprint, so that two files of one name
+    are two rows of the table.
+
+    Raises:
+        InputError: There is no such agent.
+    """
+    entry = find_agent(name)
+    label = name
+    if name not in agent_names() and entry.file is not None:
+        label = f"{Path(name).stem}-{entry.file.fingerprint[:_FINGERPRINT]}"
+    return Entrant(name=label, source=name, entry=entry, mapper=entry.mapper)

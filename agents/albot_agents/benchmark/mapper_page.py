@@ -1,0 +1,187 @@
+"""The page's section about mappers: three sentences, the picture, and a table an odometer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from albot_agents.benchmark.folder import CellResults
+from albot_agents.benchmark.homing_curve import HomingCurve, fit_curve
+from albot_agents.benchmark.mappers import MapperRow, make_mapper_table
+from albot_agents.benchmark.protocol import Protocol
+from albot_agents.benchmark.table import Estimate
+from albot_agents.registry import BY_MAP
+from albot_agents.task import config_kind
+from albot_core.mappers.registry import NO_MAPPER
+
+_ENOUGH = 0.9
+"""Share of episodes that a mapper must bring home to be named."""
+_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "success_rate": ("success", "{:.0%}"),
+    "spl": ("SPL", "{:.2f}"),
+    "home_error_begin": ("error of home at the beginning (m)", "{:.2f}"),
+    "home_error": ("in the end (m)", "{:.2f}"),
+    "blur": ("map entropy less the true map's (nats)", "{:+.2f}"),
+    "claims_precision": ("precision of claims", "{:.1%}"),
+    "claims_recall": ("recall of claims", "{:.0%}"),
+    "places_precision": ("precision of places", "{:.1%}"),
+    "places_recall": ("recall of places", "{:.0%}"),
+}
+"""Columns of the table: titles and formats of `MapperRow.figures`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapperReport:
+    """What the section is made of."""
+
+    rows: Sequence[MapperRow] = ()
+    """The figures of all mappers (`make_mapper_table`)."""
+    curves: Mapping[str, HomingCurve] = field(default_factory=dict)
+    """The curve of each driver that has one."""
+    costs: Mapping[str, float] = field(default_factory=dict)
+    """Cost a reading of mappers, in costs of `odometry`."""
+
+    @classmethod
+    def of(
+        cls, results: Iterable[CellResults], protocol: Protocol, costs: Mapping[str, float]
+    ) -> MapperReport:
+        """Return the report of results, given the costs of mappers."""
+        results = list(results)
+        rows = make_mapper_table(results, protocol)
+        drivers = dict.fromkeys(row.driver for row in rows)
+        fits = {driver: fit_curve(results, driver) for driver in drivers}
+        curves = {driver: fit for driver, fit in fits.items() if fit is not None}
+        return cls(rows=rows, curves=curves, costs=costs)
+
+    @property
+    def drivers(self) -> list[str]:
+        """The drivers, in the order of the rows."""
+        return list(dict.fromkeys(row.driver for row in self.rows))
+
+
+def sentences(report: MapperReport) -> list[str]:
+    """Return what the first driver's figures show, a sentence each, as far as they are known."""
+    if not report.rows:
+        return []
+    driver, curve = report.drivers[0], report.curves.get(report.drivers[0])
+    found = [] if curve is None or not curve.levels else [_need(driver, curve)]
+    found.append(_reached(report, driver))
+    if curve is not None and curve.failures:
+        radius = config_kind(BY_MAP)().radius
+        found.append(
+            f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with home "
+            f"believed more than {radius:g} m off: there the map failed, in the others the driving."
+        )
+    return found
+
+
+def _need(driver: str, curve: HomingCurve) -> str:
+    """Return how far off home may be believed."""
+    (level, first), *others = (
+        (f"{level:.0%}", f"{error.value:.2g} m ({error.ci95[0]:.2g} to {error.ci95[1]:.2g} m)")
+        for level, error in curve.levels.items()
+    )
+    text = f"When home is believed {first} off as the return begins, `{driver}` comes home in "
+    text += f"{level} of the episodes"
+    return "".join([text, *(f", and in {some} when it is {off} off" for some, off in others), "."])
+
+
+def _reached(report: MapperReport, driver: str) -> str:
+    """Return which mappers bring the driver home, with the first odometer."""
+    odometer = next(row.odometer for row in report.rows if row.driver == driver)
+    rates = {
+        row.mapper: row.figures["success_rate"].value
+        for row in report.rows
+        if (row.driver, row.odometer) == (driver, odometer)
+    }
+    without = rates.pop(NO_MAPPER, None)
+    good = sorted((name for name in rates if rates[name] >= _ENOUGH), key=lambda name: -rates[name])
+    text = f"With the odometer `{odometer}`, {len(good)} of {len(rates)} mappers bring it home in "
+    text += f"{_ENOUGH:.0%} or more"
+    if good:
+        text += f" ({', '.join(f'`{name}`' for name in good)}"
+        priced = [name for name in good if name in report.costs]
+        if priced:
+            cheap = min(priced, key=lambda name: report.costs[name])
+            text += f"; `{cheap}` is the cheapest of them, at {report.costs[cheap]:.2g} times the "
+            text += "cost of `odometry`"
+        text += ")"
+    elif rates:
+        best = max(rates, key=lambda name: rates[name])
+        text += f"; the best, `{best}`, does in {rates[best]:.0%}"
+    return text + ("." if without is None else f", and no mapper in {without:.0%}.")
+
+
+def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator[str]:
+    """Yield the lines of the section; none without rows.
+
+    Args:
+        report: The figures.
+        picture: Path of the picture, relative to the page.
+    """
+    if not report.rows:
+        return
+    yield "## Mappers"
+    yield ""
+    yield from sentences(report)
+    if picture is not None and report.drivers[0] in report.curves:
+        yield ""
+        yield f"![success in coming home against what the map was like]({picture})"
+    yield ""
+    yield "The same agent with each mapper, in the same episodes in random offices: coming home in"
+    yield "`Albot/HomingByMap-v0`, claims of `gap-explorer` in `Albot/Explore-v0`, places of"
+    yield "`place-judge` in `Albot/PlaceRecognition-v0`. The error of home is the distance between"
+    yield "where home is believed and where it is, seen from the robot; medians. The curve leaves"
+    yield "out episodes in which the robot was carried. The entropy is that of all scans as the"
+    yield "mapper laid them while exploring, less that of the same scans at the true poses. In"
+    yield "brackets: 95 % intervals."
+    for driver in report.drivers:
+        rows = [row for row in report.rows if row.driver == driver]
+        for odometer in dict.fromkeys(row.odometer for row in rows):
+            yield ""
+            yield f"Driver `{driver}`, odometer `{odometer}`:"
+            yield ""
+            yield from _table([row for row in rows if row.odometer == odometer], report.costs)
+
+
+def mapper_data(report: MapperReport) -> dict[str, Any]:
+    """Return what the section shows as plain data, for programs."""
+    return {
+        "sentences": sentences(report),
+        "rows": [asdict(row) for row in report.rows],
+        "costs": dict(report.costs),
+        "curves": {
+            driver: {
+                "intercept": curve.fit.intercept,
+                "slope": curve.fit.slope,
+                "levels": {f"{level:g}": asdict(found) for level, found in curve.levels.items()},
+                "bins": [asdict(some) for some in curve.bins],
+                "episodes": len(curve.errors),
+                "failures": curve.failures,
+                "lost": curve.lost,
+            }
+            for driver, curve in report.curves.items()
+        },
+    }
+
+
+def _table(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[str]:
+    names = [name for name in _COLUMNS if any(name in row.figures for row in rows)]
+    titles = [_COLUMNS[name][0] for name in names]
+    if priced := any(row.mapper in costs for row in rows):
+        titles.append("cost a reading (× `odometry`)")
+    yield f"| mapper | {' | '.join(titles)} | episodes |"
+    yield "|---" * (len(titles) + 2) + "|"
+    for row in rows:
+        cells = [_written(row.figures.get(name), _COLUMNS[name][1]) for name in names]
+        if priced:
+            cells.append(f"{costs[row.mapper]:.2g}" if row.mapper in costs else "–")
+        yield f"| `{row.mapper}` | {' | '.join(cells)} | {row.episodes} |"
+
+
+def _written(estimate: Estimate | None, form: str) -> str:
+    if estimate is None:
+        return "–"
+    low, high = map(form.format, estimate.ci95)
+    return f"{form.format(estimate.value)} ({low}{' to ' if '+' in form else '–'}{high})"

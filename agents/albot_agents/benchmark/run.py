@@ -1,0 +1,266 @@
+"""Run the episodes that a benchmark's folder lacks.
+
+Episodes in one world with one seed run one after another in the same process. Where agents begin
+after a journey, they drive the same way, which is then found once; and agents with the same mapper
+and sensors make the same journey, which is then made once (`journeys`). Episodes of a trained
+agent in a task without journeys run together in a batch (`together`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from albot_agents.benchmark.cell import Cell, EpisodeResult
+from albot_agents.benchmark.entrant import Entrant
+from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.protocol import EpisodeKey
+from albot_agents.evaluation.paired import check_same_episodes
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.together import can_run_together, run_together
+from albot_agents.evaluation.trial import run_trial
+from albot_agents.workers import TaskRunner, run_parallel
+from albot_core.errors import InputError
+
+_MOST_TOGETHER = 9
+"""Largest number of episodes that a process runs before they are kept: those that are lost if it is
+killed."""
+_BATCH = 20
+"""Number of episodes in a batch."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """The cells of an entrant in a task."""
+
+    entrant: Entrant
+    """The entrant."""
+    task: str
+    """Id of the environment."""
+    odometers: tuple[str, ...]
+    """Presets of odometer noise."""
+    worlds: tuple[str, ...]
+    """Kinds of worlds."""
+
+    @property
+    def cells(self) -> list[Cell]:
+        """The cells, kind by kind."""
+        return [
+            self.entrant.cell(self.task, odometer, kind)
+            for kind in self.worlds
+            for odometer in self.odometers
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Member:
+    """An episode that is to be run."""
+
+    cell: Cell
+    """Its cell."""
+    key: EpisodeKey
+    """Its world and seed, as the protocol names them."""
+    trial: Trial
+    """The episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Group:
+    """Episodes that one process runs: of one world and seed, or of one cell in a batch."""
+
+    members: tuple[_Member, ...]
+    """The episodes."""
+    together: bool = False
+    """Whether they run in a batch."""
+
+
+class BenchmarkRun:
+    """The episodes of some rows that a folder lacks.
+
+    Args:
+        folder: The folder.
+        rows: The rows.
+        episodes: Number of episodes of each cell, the first of the protocol's; None for all.
+        plans: The folder of the floor plans; None if no row needs it.
+
+    Raises:
+        InputError: Worlds are not the protocol's, an environment cannot be made, agents would meet
+            different episodes, or the folder holds other results of an agent of that name.
+    """
+
+    def __init__(
+        self,
+        folder: ResultsFolder,
+        rows: Sequence[Row],
+        episodes: int | None = None,
+        plans: Path | None = None,
+    ) -> None:
+        self._folder, self._rows, self._plans = folder, rows, plans
+        self._protocol = folder.protocol
+        self._limit = episodes
+        self._settings: dict[tuple[str, str, str, str], dict[str, Any]] = {}
+        self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
+        for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
+            self._protocol.check_worlds(kind, plans)
+        for task in dict.fromkeys(row.task for row in rows):
+            self._check_task([row for row in rows if row.task == task])
+        self._done = {cell: self._find_done(cell) for row in rows for cell in row.cells}
+
+    @property
+    def missing(self) -> int:
+        """Number of episodes that the folder lacks."""
+        return sum(len(group.members) for group in self._groups())
+
+    def run(self, jobs: int, on_done: Callable[[int], None] = lambda _: None) -> None:
+        """Run the missing episodes, and keep each as soon as it is over.
+
+        All cells grow evenly, so that a table of a run that was stopped has figures everywhere.
+
+        Args:
+            jobs: Number of processes.
+            on_done: Called with the number of episodes done by this run.
+
+        Raises:
+            InputError: Another process writes into the folder, or it cannot be written.
+        """
+        self._folder.begin()
+        with self._folder.locked():
+            self._keep_agents()
+            results = run_parallel(_GroupRunner(), self._groups(), jobs)
+            done = 0
+            with closing(results):
+                for result in results:
+                    if isinstance(result, InputError):
+                        raise result
+                    for cell, episode in result:
+                        self._folder.add(cell, self._fingerprints[cell.agent], [episode])
+                        self._done[cell].add((episode.world, episode.seed))
+                    done += len(result)
+                    on_done(done)
+
+    def _check_task(self, rows: Sequence[Row]) -> None:
+        """Check the settings of a task's rows, and that they are of the same episodes."""
+        reference = self._protocol.tasks[rows[0].task].reference
+        trials = {}
+        for row in sorted(rows, key=lambda row: row.entrant.name != reference):
+            cell = row.cells[0]
+            trial = self._trial(row, cell, self._protocol.keys(cell.task, cell.worlds)[0])
+            trial.make().close()
+            is_own = cell.mapper == row.entrant.entry.mapper
+            trials[cell.agent if is_own else f"{cell.agent} with {cell.mapper}"] = trial
+        check_same_episodes(trials)
+
+    def _find_done(self, cell: Cell) -> set[tuple[str, int]]:
+        """Return world and seed of each episode that the folder has."""
+        found = self._folder.read_cell(cell)
+        if found is None:
+            return set()
+        if found.fingerprint != self._fingerprints[cell.agent]:
+            expected = f"results of the same agent {cell.agent}; remove its files to measure anew"
+            raise InputError(self._folder.file(cell), expected, "those of another of that name")
+        return {(one.world, one.seed) for one in found.episodes}
+
+    def _keep_agents(self) -> None:
+        for entrant in {row.entrant.name: row.entrant for row in self._rows}.values():
+            if entrant.entry.file is not None:
+                self._folder.write_agent(entrant.name, entrant.entry.file)
+
+    def _keys(self, cell: Cell) -> list[EpisodeKey]:
+        return self._protocol.keys(cell.task, cell.worlds)[: self._limit]
+
+    def _groups(self) -> Iterator[_Group]:
+        """Yield what is missing: the first episode of every cell, then the second, and so on."""
+        kinds: dict[tuple[str, str], list[tuple[Row, Cell]]] = {}
+        for row in self._rows:
+            for cell in row.cells:
+                kinds.setdefault((row.task, cell.worlds), []).append((row, cell))
+        order = self._protocol.odometers.index
+        for members in kinds.values():  # Who makes the same journey comes together.
+            members.sort(key=lambda member: (member[1].mapper, order(member[1].odometer)))
+        keys = {kind: self._keys(members[0][1]) for kind, members in kinds.items()}
+        for number in range(max(map(len, keys.values()), default=0)):
+            for kind, members in kinds.items():
+                batched = [member for member in members if _in_batches(member[0])]
+                alone = [member for member in members if not _in_batches(member[0])]
+                if number % _BATCH == 0:
+                    some = keys[kind][number : number + _BATCH]
+                    yield from self._groups_of(([member], some, True) for member in batched)
+                for key in keys[kind][number : number + 1]:
+                    yield from self._groups_of([(alone, [key], False)])
+
+    def _groups_of(
+        self, parts: Iterable[tuple[Sequence[tuple[Row, Cell]], Sequence[EpisodeKey], bool]]
+    ) -> Iterator[_Group]:
+        """Yield groups of what is missing of cells' episodes, and whether they are batches."""
+        for cells, keys, together in parts:
+            missing = (
+                _Member(cell=cell, key=key, trial=self._trial(row, cell, key))
+                for row, cell in cells
+                for key in keys
+                if (key.world, key.seed) not in self._done[cell]
+            )
+            while some := tuple(islice(missing, _BATCH if together else _MOST_TOGETHER)):
+                yield _Group(members=some, together=together)
+
+    def _trial(self, row: Row, cell: Cell, key: EpisodeKey) -> Trial:
+        """Return an episode of a cell."""
+        same = (cell.agent, cell.mapper, cell.task, cell.odometer)
+        if same not in self._settings:
+            self._settings[same] = row.entrant.environment(self._protocol, row.task, cell.odometer)
+        world = key.world
+        if self._protocol.worlds[cell.worlds].files is not None:
+            assert self._plans is not None, "check_worlds has refused it"
+            world = str(self._plans / key.world)
+        return Trial(
+            task=row.task,
+            agent=row.entrant.source,
+            world=world,
+            seed=key.seed,
+            settings=self._settings[same],
+        )
+
+
+def _in_batches(row: Row) -> bool:
+    """Return whether a row's episodes run in batches.
+
+    Those of scripted agents do not: what costs most is what they do, which a batch does not share.
+    """
+    return row.entrant.entry.file is not None and can_run_together(row.task)
+
+
+Kept = list[tuple[Cell, EpisodeResult]]
+"""Episodes and their cells."""
+
+
+class _GroupRunner(TaskRunner[_Group, "Kept | InputError"]):
+    """Runs the episodes of a group; an InputError is returned as the result."""
+
+    def run(self, task: _Group, on_step: Callable[[int], None]) -> Kept | InputError:
+        """Run the episodes, in a batch or one after another."""
+        trials = [member.trial for member in task.members]
+        try:
+            if task.together:
+                outcomes = run_together(trials, on_step)
+            else:
+                outcomes = [run_trial(trial, on_step) for trial in trials]
+        except InputError as error:
+            return error
+        return [
+            (member.cell, EpisodeResult.of(outcome, member.cell.agent, member.key.world))
+            for member, outcome in zip(task.members, outcomes, strict=True)
+        ]
+
+    def on_crash(self, task: _Group, step: int, cause: str) -> Kept | InputError:
+        """Raise RuntimeError: the process died, which is a bug.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        trial = task.members[0].trial
+        raise RuntimeError(
+            f"{trial.task} in {trial.world}, seed {trial.seed}, step {step}: {cause}"
+        )

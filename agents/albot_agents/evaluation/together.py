@@ -1,0 +1,106 @@
+"""Run the episodes of one agent together, in a batch of environments.
+
+A batch costs less a step than single environments, and each episode is the same in both, to the
+last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from albot_agents.agent import EnvironmentConfigs, choose_action
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.trial import EpisodeLog, Outcome
+from albot_agents.registry import make_agent
+from albot_agents.task import batch_settings
+
+
+def can_run_together(task: str) -> bool:
+    """Return whether a batch is worthwhile in a task.
+
+    Robots start without a journey, which would be made for each alone; and all episodes are of one
+    length, because in a batch one that is over goes on with another until all are over.
+    """
+    limit = gymnasium.spec(task).max_episode_steps
+    return limit is not None and "journeys" not in batch_settings(task)
+
+
+def run_together(
+    trials: Sequence[Trial], on_step: Callable[[int], None] = lambda _: None
+) -> list[Outcome]:
+    """Run episodes of one agent, with the same settings, to their ends; as `run_trial` does each.
+
+    Args:
+        trials: The episodes.
+        on_step: Called before each step with its number.
+
+    Raises:
+        InputError: There is no such world, mapper or sensor.
+    """
+    batch = _make_batch(trials)
+    try:
+        names = "observation_config", "action_config", "robot_config"
+        configs = EnvironmentConfigs(*(getattr(batch, name) for name in names))
+        agents = [_make_agent(configs, batch, trial) for trial in trials]
+        on_step(0)
+        observations, infos = batch.reset(seed=[trial.seed for trial in trials])
+        logs = [
+            EpisodeLog(trial, configs, _observation(observations, k), _row(infos, k))
+            for k, trial in enumerate(trials)
+        ]
+        while not all(log.over for log in logs):
+            on_step(max(log.steps for log in logs) + 1)
+            shown = [_observation(observations, k) for k in range(len(trials))]
+            actions = [
+                choose_action(agent, seen, _row(infos, k) if agent.knows_truth else {})
+                for k, (agent, seen) in enumerate(zip(agents, shown, strict=True))
+            ]
+            observations, _, terminated, truncated, infos = batch.step(np.array(actions))
+            ended = terminated | truncated
+            final = infos.get("final_info", {})
+            for k, log in enumerate(logs):
+                if not log.over:
+                    over = bool(ended[k])
+                    seen = infos["final_obs"][k] if over else _observation(observations, k)
+                    log.add(seen, _row(final if over else infos, k), over=over)
+    finally:
+        batch.close()
+    return [log.outcome for log in logs]
+
+
+def _make_batch(trials: Sequence[Trial]) -> Any:
+    return gymnasium.make_vec(
+        trials[0].task,
+        num_envs=len(trials),
+        world=[trial.loaded_world for trial in trials],
+        autoreset_mode=AutoresetMode.SAME_STEP,
+        **{"threads": 1, **trials[0].settings},
+    )
+
+
+def _make_agent(configs: EnvironmentConfigs, batch: Any, trial: Trial) -> Any:
+    """Make an agent for an environment of a batch, and begin its episode as `begin_episode`."""
+    agent = make_agent(trial.agent, configs)
+    agent.reset(np.random.default_rng((trial.seed, 1)), batch.single_action_space)
+    return agent
+
+
+def _row(infos: Mapping[str, Any], k: int) -> dict[str, Any]:
+    """Return the info of one environment, without the terms of its reward."""
+    return {
+        name: values[k]
+        for name, values in infos.items()
+        if not name.startswith("_") and isinstance(values, np.ndarray)
+    }
+
+
+def _observation(observations: Any, k: int) -> Any:
+    """Return the observation of one environment, flat or in parts."""
+    if isinstance(observations, Mapping):
+        return {name: rows[k] for name, rows in observations.items()}
+    return observations[k]

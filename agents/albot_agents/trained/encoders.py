@@ -1,0 +1,196 @@
+"""Encoders of parts of observations in plain numpy: convolutions, and attention for graphs.
+
+`albot_agents.training.encoders` has the same in PyTorch. What no encoder takes enters a network's
+first layer as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32
+
+from albot_core.errors import InputError
+from albot_core.ranges import Range, check_fields
+
+CONVOLUTION, ATTENTION = "convolution", "attention"
+SIZES = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
+"""Units of a layer, and lengths of its input."""
+LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
+"""Number of layers of a kind."""
+KERNEL, STRIDE, PADDING = 3, 2, 1
+"""Side of a filter, step between its positions, and rim of zeros, in cells."""
+ABSENT = np.float32(-1e8)
+"""Score of what is absent; finite, so that PyTorch's gradients are finite."""
+ENDS = slice(1, 3)
+"""Columns of a connection that hold the rows of its source and target."""
+
+_NOT_NEGATIVE = Range("a whole number from 0", 0.0, 1e9, whole=True)
+_HEADS = Range("a whole number from 1 to 64", 1.0, 64.0, whole=True)
+
+Row = Float32[np.ndarray, "inputs"]
+Features = Float32[np.ndarray, "features"]
+Weights = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartEncoder:
+    """Architecture of the encoder of one part of observations.
+
+    A `convolution` has layers of 3 × 3 filters with stride 2, each followed by a ReLU. It takes a
+    patch of the shape (channels, rows, columns).
+
+    An `attention` pools the rows of the part `place_graph`: places, then connections. Each place is
+    embedded by a layer with tanh; so is each connection, together with the two places that it
+    joins, but without their numbers. Each head has a query; its output is the mean of the embedded
+    rows that are present, weighted by the softmax of their products with the query. It does not
+    depend on the order of the rows (Ilse, Tomczak and Welling, Attention-based deep multiple
+    instance learning, ICML 2018, without their gate; the scale 1/√units is that of Vaswani et al.,
+    NeurIPS 2017).
+    """
+
+    part: str
+    """Name of the part."""
+    kind: str
+    """`convolution` or `attention`."""
+    begin: int
+    """Where the part begins in a flat observation."""
+    shape: tuple[int, ...]
+    """Shape of the part."""
+    filters: tuple[int, ...] = ()
+    """Number of filters of each layer of a convolution."""
+    places: int = 0
+    """Number of rows of the graph that hold places; the others hold connections."""
+    units: int = 0
+    """Length of an embedded row of the graph."""
+    heads: int = 0
+    """Number of queries of the attention."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _NOT_NEGATIVE, "begin", "places", "units", "heads")
+        dimensions = {CONVOLUTION: 3, ATTENTION: 2}.get(self.kind)
+        if dimensions is None:
+            expected = f"{CONVOLUTION} or {ATTENTION}"
+            raise InputError("PartEncoder.kind", expected, self.kind)
+        sizes_fit = all(size in SIZES for size in self.shape)
+        if len(self.shape) != dimensions or not sizes_fit or self.size not in SIZES:
+            expected = f"{dimensions} sizes, 65536 numbers at most"
+            raise InputError("PartEncoder.shape", expected, str(self.shape))
+        if self.kind == CONVOLUTION:
+            if any(count not in SIZES for count in self.filters) or len(self.filters) not in LAYERS:
+                raise InputError("PartEncoder.filters", "8 sizes at most", str(self.filters))
+            return
+        check_fields(self, SIZES, "units")
+        check_fields(self, _HEADS, "heads")
+        if not 1 <= self.places <= self.shape[0]:
+            expected = f"a whole number from 1 to {self.shape[0]}"
+            raise InputError("PartEncoder.places", expected, str(self.places))
+        if self.shape[1] < ENDS.stop:
+            raise InputError("PartEncoder.shape", "3 columns or more", str(self.shape))
+
+    @property
+    def size(self) -> int:
+        """Number of inputs."""
+        return math.prod(self.shape)
+
+    @property
+    def joined_columns(self) -> int:
+        """Number of numbers of a connection, without its ends, and of the places that it joins."""
+        columns = self.shape[1]
+        return 3 * columns - (ENDS.stop - ENDS.start)
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs."""
+        if self.kind == ATTENTION:
+            return self.units * self.heads
+        channels, rows, columns = self.shape
+        for filters in self.filters:
+            channels, rows, columns = filters, _strided(rows), _strided(columns)
+        return channels * rows * columns
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of the encoder's arrays, by name."""
+        part = self.part
+        if self.kind == ATTENTION:
+            columns = self.shape[1]
+            return {
+                f"{part}.place.weight": (self.units, columns),
+                f"{part}.place.bias": (self.units,),
+                f"{part}.connection.weight": (self.units, self.joined_columns),
+                f"{part}.connection.bias": (self.units,),
+                f"{part}.query": (self.heads, self.units),
+            }
+        shapes: dict[str, tuple[int, ...]] = {}
+        channels = self.shape[0]
+        for k, filters in enumerate(self.filters):
+            shapes[f"{part}.filter{k}.weight"] = (filters, channels, KERNEL, KERNEL)
+            shapes[f"{part}.filter{k}.bias"] = (filters,)
+            channels = filters
+        return shapes
+
+
+def encode(encoders: tuple[PartEncoder, ...], weights: Weights, observation: Row) -> Features:
+    """Return the numbers that no encoder takes, in order, followed by each encoder's outputs.
+
+    Args:
+        encoders: The encoders.
+        weights: The arrays of their `shapes`.
+        observation: A flat observation.
+    """
+    plain, encoded = np.ones(len(observation), np.bool_), []
+    for encoder in encoders:
+        taken = slice(encoder.begin, encoder.begin + encoder.size)
+        plain[taken] = False
+        run = _convolve if encoder.kind == CONVOLUTION else _attend
+        encoded.append(run(encoder, weights, observation[taken]))
+    return np.concatenate((observation[plain], *encoded))
+
+
+def _strided(cells: int) -> int:
+    """Return the number of positions of a filter along a side."""
+    return (cells + 2 * PADDING - KERNEL) // STRIDE + 1
+
+
+def _convolve(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
+    image = numbers.reshape(encoder.shape)
+    for k in range(len(encoder.filters)):
+        rim = (PADDING, PADDING)
+        framed = np.pad(image, ((0, 0), rim, rim))
+        windows = np.lib.stride_tricks.sliding_window_view(framed, (KERNEL, KERNEL), axis=(1, 2))
+        windows = windows[:, ::STRIDE, ::STRIDE]
+        kernel, bias = (weights[f"{encoder.part}.filter{k}.{name}"] for name in ("weight", "bias"))
+        summed = np.tensordot(kernel, windows, axes=((1, 2, 3), (0, 3, 4)))
+        image = np.maximum(summed + bias[:, np.newaxis, np.newaxis], 0)
+    return np.asarray(image.ravel(), np.float32)
+
+
+def _attend(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
+    rows = numbers.reshape(encoder.shape)
+    present = rows[:, 0] > 0
+    if not present.any():
+        return np.zeros(encoder.outputs, np.float32)
+    places, connections = rows[: encoder.places], rows[encoder.places :]
+    last = encoder.places - 1
+    ends = np.clip(np.rint((connections[:, ENDS] + 1) * (max(last, 1) / 2)), 0, last).astype(int)
+    own = np.delete(connections, ENDS, axis=1)
+    joined = np.concatenate((own, places[ends[:, 0]], places[ends[:, 1]]), axis=1)
+    embedded = np.tanh(
+        np.concatenate(
+            [
+                each @ weights[f"{encoder.part}.{name}.weight"].T
+                + weights[f"{encoder.part}.{name}.bias"]
+                for name, each in (("place", places), ("connection", joined))
+            ]
+        )
+    )
+    query = weights[f"{encoder.part}.query"]
+    scores = query @ embedded.T / np.float32(math.sqrt(encoder.units))
+    scores = np.where(present, scores, ABSENT)
+    shares = np.exp(scores - scores.max(axis=1, keepdims=True))
+    shares /= shares.sum(axis=1, keepdims=True)
+    return np.asarray((shares @ embedded).ravel(), np.float32)

@@ -1,0 +1,136 @@
+"""Encoders of parts of observations in PyTorch, as features extractors of stable-baselines3."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from torch import Tensor, nn
+
+from albot_agents.trained.encoders import (
+    ABSENT,
+    CONVOLUTION,
+    ENDS,
+    KERNEL,
+    PADDING,
+    STRIDE,
+    PartEncoder,
+)
+
+FEATURES = "features_extractor"
+"""Name of the module in stable-baselines3's policies, and prefix of its weights' names."""
+
+
+class PartsExtractor(BaseFeaturesExtractor):
+    """Encodes parts of flat observations, and passes the other numbers on.
+
+    The outputs are the numbers that no encoder takes, in order, followed by each encoder's.
+
+    Args:
+        observation_space: The space of flat observations.
+        encoders: The encoders.
+    """
+
+    def __init__(self, observation_space: spaces.Box, encoders: tuple[PartEncoder, ...]) -> None:
+        plain = np.ones(observation_space.shape[0], np.bool_)
+        for encoder in encoders:
+            plain[encoder.begin : encoder.begin + encoder.size] = False
+        features = int(plain.sum()) + sum(encoder.outputs for encoder in encoders)
+        super().__init__(observation_space, features)
+        self._plain = torch.from_numpy(np.flatnonzero(plain))
+        self._encoders = encoders
+        self.parts = nn.ModuleDict({encoder.part: _module(encoder) for encoder in encoders})
+        """The encoders' modules by part."""
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """Return the features (observations, features) of flat observations."""
+        features = [observations[:, self._plain.to(observations.device)]]
+        for encoder in self._encoders:
+            numbers = observations[:, encoder.begin : encoder.begin + encoder.size]
+            features.append(self.parts[encoder.part](numbers))
+        return torch.cat(features, dim=1)
+
+
+class AttentionPool(nn.Module):
+    """Pools the rows of a graph of places (see `PartEncoder`)."""
+
+    def __init__(self, encoder: PartEncoder) -> None:
+        super().__init__()
+        columns = encoder.shape[1]
+        self._encoder = encoder
+        self.place = nn.Linear(columns, encoder.units)
+        self.connection = nn.Linear(encoder.joined_columns, encoder.units)
+        self.query = nn.Parameter(torch.randn(encoder.heads, encoder.units))
+
+    def forward(self, numbers: Tensor) -> Tensor:
+        """Return the pooled rows (observations, heads × units)."""
+        encoder = self._encoder
+        rows = numbers.reshape(-1, *encoder.shape)
+        present = rows[:, :, 0] > 0
+        places, connections = rows[:, : encoder.places], rows[:, encoder.places :]
+        last = encoder.places - 1
+        ends = ((connections[:, :, ENDS] + 1) * (max(last, 1) / 2)).round().clamp(0, last).long()
+        index = ends.flatten(1).unsqueeze(2).expand(-1, -1, encoder.shape[1])
+        joined = places.gather(1, index).reshape(*ends.shape, -1).flatten(2)
+        own = torch.cat((connections[:, :, : ENDS.start], connections[:, :, ENDS.stop :]), dim=2)
+        connected = torch.cat((own, joined), dim=2)
+        embedded = torch.tanh(torch.cat((self.place(places), self.connection(connected)), dim=1))
+        scores = embedded @ self.query.T / math.sqrt(encoder.units)
+        shares = scores.masked_fill(~present.unsqueeze(2), float(ABSENT)).softmax(dim=1)
+        pooled = shares.transpose(1, 2) @ embedded
+        some = present.any(dim=1)
+        return pooled.flatten(1) * some.unsqueeze(1)
+
+
+def extractor_settings(encoders: tuple[PartEncoder, ...]) -> dict[str, Any]:
+    """Return the arguments of a policy with these encoders; none without encoders."""
+    if not encoders:
+        return {}
+    return {
+        f"{FEATURES}_class": PartsExtractor,
+        f"{FEATURES}_kwargs": {"encoders": encoders},
+    }
+
+
+def encoder_weights(
+    state: Mapping[str, np.ndarray], encoders: tuple[PartEncoder, ...], prefix: str = ""
+) -> dict[str, np.ndarray]:
+    """Return the encoders' arrays under the names of `PartEncoder.shapes`.
+
+    Args:
+        state: Weights under the names of stable-baselines3's policies.
+        encoders: The encoders.
+        prefix: Name of the network with the features extractor, with a dot; empty for the policy.
+    """
+    weights: dict[str, np.ndarray] = {}
+    for encoder in encoders:
+        module = f"{prefix}{FEATURES}.parts.{encoder.part}"
+        for name in encoder.shapes:
+            inner = name.removeprefix(f"{encoder.part}.")
+            if encoder.kind == CONVOLUTION:
+                layer, kind = inner.removeprefix("filter").split(".")
+                inner = f"{_place_of(int(layer))}.{kind}"
+            weights[name] = state[f"{module}.{inner}"]
+    return weights
+
+
+def _module(encoder: PartEncoder) -> nn.Module:
+    """Return the module that encodes a part's numbers (observations, inputs)."""
+    if encoder.kind != CONVOLUTION:
+        return AttentionPool(encoder)
+    modules: list[nn.Module] = [nn.Unflatten(1, encoder.shape)]
+    channels = encoder.shape[0]
+    for filters in encoder.filters:
+        modules += [nn.Conv2d(channels, filters, KERNEL, STRIDE, PADDING), nn.ReLU()]
+        channels = filters
+    return nn.Sequential(*modules, nn.Flatten())
+
+
+def _place_of(layer: int) -> int:
+    """Return the place of a convolution's layer among its modules, each followed by a ReLU."""
+    return 1 + 2 * layer

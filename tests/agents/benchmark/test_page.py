@@ -1,0 +1,127 @@
+"""The page of results: what it says, and that it says where episodes are missing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from albot_agents.benchmark.folder import CellResults
+from albot_agents.benchmark.page import Report, page_data, render_lines, render_page
+from albot_agents.benchmark.protocol import find_protocol
+from albot_agents.benchmark.table import make_table
+from tests.agents.benchmark.episodes import cell, results
+
+PROTOCOL = find_protocol()
+MINE: dict[str, Any] = {
+    "task": "Albot/Homing-v0", "fingerprint": "ab" * 32, "samples": 16_000_000,
+    "asked": 15_990_000, "algorithm": "ppo", "seed": 1, "command": "albot train plan.yml",
+    "seconds": 7200.0,
+}  # fmt: skip
+
+
+def report(*found: CellResults, **agents: Any) -> Report:
+    """The report of some cells."""
+    rows = make_table(found, PROTOCOL)
+    return Report(protocol=PROTOCOL, rows=rows, agents=agents)
+
+
+def lines(text: str, start: str) -> Sequence[str]:
+    """The lines that begin so."""
+    return [line for line in text.splitlines() if line.startswith(start)]
+
+
+def test_a_row_an_agent_with_worlds_as_columns() -> None:
+    page = render_page(
+        report(
+            results(cell("oracle", mapper="none"), 100, 1.0),
+            results(cell(), 100, 0.5),
+            results(cell(worlds="mazes"), 4, 0.25),
+            results(cell("mine"), 100, 0.75),
+            mine=MINE,
+        )
+    )
+    assert "| agent | budget | offices | mazes | episodes a cell |" in page
+    assert lines(page, "| `oracle`") == ["| `oracle` | – | 75% · 1.00 (1.00–1.00) | – | 100 |"]
+    assert lines(page, "| `albot1-homing`")[0] == (
+        "| `albot1-homing` (albot1) | – | 75% · 0.50 (0.50–0.50) | 75% · 0.25 (0.25–0.25) | **4** |"
+    )
+    # Filed under the budget of 100 million samples.
+    assert lines(page, "| `mine`")[0].startswith("| `mine` (albot1) | 100 M |")
+    assert "| `mine` | Albot/Homing-v0 | ppo | 1 | 16,000,000 | 100 M | 2.0 |" in page
+    assert "`albot train plan.yml` | `abababab` |" in page
+
+
+def test_it_says_which_cells_have_too_few_episodes() -> None:
+    short = render_page(report(results(cell(), 3), results(cell("oracle"), 100)))
+    assert "**Not complete:** 1 of 2 cells have fewer episodes" in short
+    assert "the smallest has 3." in " ".join(short.split())
+    assert "Not complete" not in render_page(report(results(cell(), 100)))
+
+
+def test_all_figures_stand_with_their_intervals_and_differences() -> None:
+    page = render_page(report(results(cell("oracle"), 4, 1.0), results(cell(), 4, 0.5)))
+    assert "| SPL less the first's |" in page
+    (row,) = lines(page, "| offices | pioneer | `albot1-homing`")
+    assert row.startswith("| offices | pioneer | `albot1-homing` (albot1) | 4 | 75% (30%–95%) |")
+    assert row.endswith("| -0.50 (-0.50 to -0.50) |")
+    (first,) = lines(page, "| offices | pioneer | `oracle`")
+    assert first.endswith("| – |")
+
+
+def test_other_odometers_have_tables_of_their_own() -> None:
+    only = render_page(report(results(cell(), 4)))
+    assert "## Odometers" not in only
+    both = render_page(report(results(cell(), 4), results(cell(odometer="poor"), 4)))
+    assert both.index("With the odometer `pioneer`") < both.index("## Odometers")
+    assert both.index("## Odometers") < both.index("With the odometer `poor`:")
+    assert "`ideal`" not in both
+
+
+def test_probes_share_one_table() -> None:
+    probes = ("Albot/Probe-Detour-v0", "Albot/Probe-Sunburst-v0")
+    found = [results(cell(task=probe, worlds="scene"), 4) for probe in probes]
+    page = render_page(report(*found))
+    assert "| agent | budget | detour | sunburst | episodes a cell |" in page
+    assert "75% (30%–95%) | 75% (30%–95%) | **4** |" in page
+
+
+def test_the_best_agent_is_told_where_all_worlds_are_measured() -> None:
+    kinds = PROTOCOL.tasks["Albot/Homing-v0"].worlds
+    agents = {"oracle": 1.0, "albot1-homing": 0.5, "homing": 0.75}
+    found = [
+        results(cell(agent, worlds=kind), 2, spl) for kind in kinds for agent, spl in agents.items()
+    ]
+    said = "In homing, `homing` (albot1) is first: its mean SPL over the 7 kinds of worlds is 0.75,"
+    assert said in " ".join(render_page(report(*found)).split())
+    assert "is first" not in render_page(report(*found[:-3]))
+
+
+def test_the_data_are_json_with_the_budget_of_each_agent() -> None:
+    data = page_data(report(results(cell("oracle"), 2), results(cell("mine"), 2), mine=MINE))
+    assert json.loads(json.dumps(data, allow_nan=False)) == json.loads(json.dumps(data))
+    assert data["protocol"] == 1
+    assert data["agents"]["mine"]["budget"] == 100_000_000
+    assert [row["agent"] for row in data["rows"]] == ["oracle", "mine"]
+    assert data["rows"][1]["difference"]["value"] == 0.0
+    assert data["rows"][0]["difference"] is None
+
+
+def test_lines_of_one_agent() -> None:
+    every = report(results(cell("oracle"), 4, 1.0), results(cell(), 4, 0.5))
+    text = "\n".join(render_lines(every.only({"albot1-homing"})))
+    assert "oracle" not in text
+    assert "| `albot1-homing` (albot1) | – | 75% · 0.50 (0.50–0.50) | **4** |" in text
+    assert "-0.50 (-0.50 to -0.50) |" in text  # Of the same episodes as the reference's.
+
+
+def test_a_page_of_nothing() -> None:
+    assert render_page(report()).startswith("# Results\n")
+
+
+@pytest.mark.parametrize("samples", [10**9])
+def test_more_samples_than_any_budget(samples: int) -> None:
+    page = render_page(report(results(cell("mine"), 2), mine=MINE | {"asked": samples}))
+    assert "| `mine` (albot1) | more |" in page

@@ -1,0 +1,206 @@
+"""Running a benchmark: what is missing is run, and a run that was stopped ends as any other."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from albot_agents.benchmark.cell import Cell
+from albot_agents.benchmark.entrant import Entrant, find_entrant
+from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.protocol import Protocol, find_protocol
+from albot_agents.benchmark.run import BenchmarkRun, Row, _in_batches
+from albot_agents.evaluation.plan import _loaded
+from albot_agents.trained.trained_agent import shipped_agents
+from albot_agents.workers import TaskRunner
+from albot_core.errors import InputError
+from tests.env.quick import STROLL
+
+EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
+RANDOM = find_entrant("random")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> ResultsFolder:
+    """A folder whose protocol has episodes of ten steps."""
+    return new_folder(tmp_path / "results")
+
+
+def new_folder(path: Path) -> ResultsFolder:
+    """A folder whose protocol has episodes of ten steps."""
+    folder = ResultsFolder(path)
+    folder.protocol = short(folder.protocol)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Episodes run in this process: starting others takes seconds."""
+
+    def run_parallel(
+        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
+    ) -> Generator[Any, None, None]:
+        yield from (runner.run(task, lambda step: None) for task in tasks)
+
+    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+
+
+def short(protocol: Protocol) -> Protocol:
+    """The protocol with episodes of ten steps."""
+    tasks = {task: replace(each, steps=10) for task, each in protocol.tasks.items()}
+    return replace(protocol, tasks=tasks)
+
+
+def row(entrant: Entrant = RANDOM, task: str = EXPLORE, *odometers: str, **changes: str) -> Row:
+    """A row in mazes."""
+    worlds = (changes.get("worlds", "mazes"),)
+    return Row(entrant=entrant, task=task, odometers=odometers or ("pioneer",), worlds=worlds)
+
+
+def contents(folder: ResultsFolder) -> dict[str, bytes]:
+    """The files of the cells."""
+    files = (folder.path / "cells").rglob("*.jsonl")
+    return {str(file.relative_to(folder.path)): file.read_bytes() for file in files}
+
+
+def test_what_is_missing_is_run_in_the_protocols_order(folder: ResultsFolder) -> None:
+    told: list[int] = []
+    rows = [row(RANDOM, EXPLORE, "pioneer", "poor")]
+    run = BenchmarkRun(folder, rows, 2)
+    assert run.missing == 4
+    run.run(1, told.append)
+    assert run.missing == 0
+    assert told[-1] == 4
+    cells = folder.read()
+    assert [found.cell for found in cells] == rows[0].cells
+    for found in cells:
+        assert [(one.world, one.seed) for one in found.episodes] == [
+            ("random:maze:70000", 70000), ("random:maze:70001", 70001)
+        ]  # fmt: skip
+        assert {one.steps for one in found.episodes} == {10}
+        assert {one.agent for one in found.episodes} == {"random"}
+    # The same episodes with another odometer.
+    one, other = (found.episodes[1] for found in cells)
+    assert one.begin.tobytes() == other.begin.tobytes()
+    before = contents(folder)
+    BenchmarkRun(folder, rows, 2).run(1)
+    assert contents(folder) == before
+    assert BenchmarkRun(folder, rows, 3).missing == 2
+    assert BenchmarkRun(folder, rows).missing == 2 * 98
+
+
+def test_a_run_that_was_stopped_ends_as_one_that_was_not(tmp_path: Path) -> None:
+    whole, stopped = new_folder(tmp_path / "whole"), new_folder(tmp_path / "stopped")
+    rows = [row(RANDOM, EXPLORE, "pioneer", "ideal", "poor")]
+    BenchmarkRun(whole, rows, 2).run(1)
+
+    def stop(done: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        BenchmarkRun(stopped, rows, 2).run(1, stop)
+    assert 0 < BenchmarkRun(stopped, rows, 2).missing < 6
+    BenchmarkRun(stopped, rows, 2).run(1)
+    assert contents(stopped) == contents(whole)
+
+
+def test_episodes_that_run_together_are_those_that_run_alone(tmp_path: Path) -> None:
+    """Agents that begin after a journey share the way that it takes, and nothing else."""
+    together, alone = new_folder(tmp_path / "together"), new_folder(tmp_path / "alone")
+    entrants = [
+        replace(find_entrant(name), settings={"config": STROLL})
+        for name in ("oracle", "path-integration")
+    ]
+    rows = [row(entrant, HOMING, "pioneer", "poor") for entrant in entrants]
+    BenchmarkRun(together, rows, 1).run(1)
+    for each in reversed(rows):
+        for odometer in reversed(each.odometers):
+            _loaded.cache_clear()  # In a new world no way is known.
+            BenchmarkRun(alone, [replace(each, odometers=(odometer,))], 1).run(1)
+    assert contents(together) == contents(alone)
+    assert len(together.read()) == 4
+    begins = {one.begin.tobytes() for found in together.read() for one in found.episodes}
+    assert len(begins) == 1
+
+
+def test_batches_of_a_trained_agent_are_its_episodes(tmp_path: Path) -> None:
+    """An agent that explores is run in batches; one episode after another it does the same."""
+    together, alone = new_folder(tmp_path / "together"), new_folder(tmp_path / "alone")
+    rows = [row(find_entrant("exploring"), EXPLORE, "pioneer", "poor")]
+    BenchmarkRun(together, rows, 3).run(1)
+    for episodes in (1, 2, 3):
+        BenchmarkRun(alone, rows, episodes).run(1)
+    assert contents(together) == contents(alone)
+    assert _in_batches(rows[0])
+    assert not _in_batches(row(find_entrant("gap-explorer"), EXPLORE))
+    assert not _in_batches(row(find_entrant("homing"), HOMING))
+
+
+def test_a_trained_agents_plan_and_facts_are_kept(folder: ResultsFolder, tmp_path: Path) -> None:
+    file = tmp_path / "mine.albot"
+    file.write_bytes(shipped_agents()["homing"].read_bytes())
+    entrant = find_entrant(str(file))
+    agent = entrant.entry.file
+    assert agent is not None
+    assert entrant.name == f"mine-{agent.fingerprint[:8]}"
+    entrant = replace(entrant, settings={"config": STROLL})
+    BenchmarkRun(folder, [row(entrant, HOMING)], 1).run(1)
+    facts = folder.read_agents()[entrant.name]
+    assert facts["fingerprint"] == agent.fingerprint
+    assert facts["command"] == agent.training.command
+    assert facts["samples"] == agent.training.samples
+    assert (folder.path / "agents" / f"{entrant.name}.yml").exists()
+    assert folder.read()[0].fingerprint == agent.fingerprint
+
+
+def test_results_of_another_agent_of_the_name_are_refused(folder: ResultsFolder) -> None:
+    homing = replace(find_entrant("homing"), settings={"config": STROLL})
+    BenchmarkRun(folder, [row(homing, HOMING)], 1).run(1)
+    BenchmarkRun(folder, [row(homing, HOMING)], 2)
+    other = replace(homing, entry=find_entrant("homing-blind").entry)
+    with pytest.raises(InputError, match="expected results of the same agent homing; remove its"):
+        BenchmarkRun(folder, [row(other, HOMING)], 2)
+
+
+def test_agents_that_would_meet_other_episodes_are_refused(folder: ResultsFolder) -> None:
+    quick = replace(RANDOM, settings={"robot": "kobuki"})
+    rows = [row(find_entrant("gap-explorer")), row(quick)]
+    with pytest.raises(InputError, match="agent random: expected the episodes of gap-explorer"):
+        BenchmarkRun(folder, rows, 1)
+    assert not folder.path.exists()
+
+
+def test_worlds_of_another_generator_are_refused(
+    folder: ResultsFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("albot_agents.benchmark.protocol.world_digest", lambda spec: "0" * 16)
+    with pytest.raises(InputError, match="protocol 1, mazes: expected random:maze:70000 with"):
+        BenchmarkRun(folder, [row()], 1)
+
+
+def test_a_second_process_is_refused(folder: ResultsFolder) -> None:
+    folder.begin()
+    run = BenchmarkRun(folder, [row()], 1)
+    with folder.locked(), pytest.raises(InputError, match="no other process writes into"):
+        run.run(1)
+
+
+def test_all_cells_grow_evenly(folder: ResultsFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table of a run that was stopped has figures everywhere."""
+    order: list[tuple[int, Cell]] = []
+
+    def run_parallel(runner: object, tasks: Iterable[Any], jobs: int) -> Iterator[list[Any]]:
+        for group in tasks:
+            order.extend((member.key.seed, member.cell) for member in group.members)
+            yield from ()
+
+    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+    tasks = (EXPLORE, "Albot/ExploreAndHome-v1")
+    rows = [row(RANDOM, task, *find_protocol().odometers) for task in tasks]
+    BenchmarkRun(folder, rows, 3).run(1)
+    assert [seed for seed, _ in order] == [70000] * 6 + [70001] * 6 + [70002] * 6
+    assert [cell for _, cell in order[:6]] == [cell for each in rows for cell in each.cells]

@@ -1,0 +1,110 @@
+"""Followers and the decision stump: what their few lines do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete
+
+from albot_agents.agent import EnvironmentConfigs
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.trial import run_trial
+from albot_agents.registry import make_agent
+from albot_core.errors import InputError
+from albot_env.tasks.core.actions import ActionConfig, DeclaringActionConfig
+from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
+from albot_env.tasks.core.parts.beliefs import observe_home
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+from albot_env.tasks.homing.task import HomingConfig
+from albot_env.tasks.place_recognition.spaces import FEATURES, ArrivalsObservationConfig
+
+CONFIG = ObservationConfig(parts=HOMING_PARTS)
+CONFIGS = EnvironmentConfigs(CONFIG, DeclaringActionConfig())
+AHEAD, LEFT, BEHIND = (5.0, 0.0), (0.0, 5.0), (-5.0, -0.1)
+EXIT = (np.cos(0.5), -np.sin(0.5))
+
+
+def _seen(home: tuple[float, float], near: int | None = None, **hints: Any) -> dict[str, Any]:
+    """An observation of home, of hints, and of something 0.3 m away along a beam."""
+    shown = {name: np.zeros(shape, np.float32) for name, shape in CONFIG.shapes.items()}
+    observe_home(np.array((*home, 0.0)), CONFIG.scales.home, shown["home"])
+    shown["laser"][:] = -1.0
+    if near is not None:
+        shown["laser"][near] = 0.7
+    for name in ("way", "exit"):
+        point = hints.get(name)
+        shown[name][-1] = -1.0 if point is None else 1.0
+        if point is not None:
+            observe_home(np.array((*point, 0.0)), CONFIG.scales.home, shown[name][:3])
+    return shown
+
+
+def _act(name: str, shown: dict[str, Any]) -> tuple[float, float, bool]:
+    """Speed (m/s), turn rate (rad/s) and declaration of an agent."""
+    agent = make_agent(name, CONFIGS)
+    agent.reset(np.random.default_rng(0), Box(-1, 1, (3,), np.float32))
+    action = np.asarray(agent.act(shown, {}))
+    scales = CONFIGS.actions
+    return float(action[0]) * scales.speed, float(action[1]) * scales.turn_rate, action[2] > 0
+
+
+@pytest.mark.parametrize("name", ["home-vector", "hint-follower"])
+def test_a_follower_drives_turns_and_declares(name: str) -> None:
+    assert _act(name, _seen(AHEAD)) == pytest.approx((0.5, 0.0, False), abs=1e-3)
+    assert _act(name, _seen(LEFT)) == pytest.approx((0.0, 1.0, False))
+    assert _act(name, _seen(BEHIND))[1] < 0.0
+    assert _act(name, _seen((0.29, 0.0))) == (0.0, 0.0, True)
+    assert not _act(name, _seen((0.31, 0.0)))[2]
+
+
+@pytest.mark.parametrize("name", ["home-vector", "hint-follower"])
+@pytest.mark.parametrize(("beam", "away"), [(20, 1.0), (89, 1.0), (91, -1.0), (160, -1.0)])
+def test_a_follower_turns_away_from_what_is_near(name: str, beam: int, away: float) -> None:
+    """Beams run from right to left, so what is right of the middle makes it turn left."""
+    assert _act(name, _seen(AHEAD, near=beam)) == pytest.approx((0.15, away, False), abs=1e-5)
+
+
+def test_the_hint_follower_takes_the_way_then_the_exit_then_home() -> None:
+    follows = {"home-vector": 0.0, "hint-follower": 0.5}
+    for name, bearing in follows.items():
+        both = _seen(AHEAD, way=(np.cos(0.5), np.sin(0.5)), exit=EXIT)
+        assert _act(name, both)[1] == pytest.approx(1.5 * bearing, abs=1e-3)
+        exit_only = _seen(AHEAD, exit=EXIT)
+        assert _act(name, exit_only)[1] == pytest.approx(-1.5 * bearing, abs=1e-3)
+
+
+def test_hints_must_be_shown_to_their_follower() -> None:
+    bare = EnvironmentConfigs(ObservationConfig(), ActionConfig())
+    make_agent("home-vector", bare)
+    with pytest.raises(InputError, match="hint-follower: expected observations with the part"):
+        make_agent("hint-follower", bare)
+
+
+@pytest.mark.parametrize(("name", "comes_home"), [("home-vector", False), ("hint-follower", True)])
+def test_the_way_leads_round_walls_and_the_home_vector_ends_at_one(
+    name: str, comes_home: bool
+) -> None:
+    outing = OutwardJourneyConfig(shortest=12.0, longest=16.0, away=3.0)
+    settings = {"config": HomingConfig(outing=outing), "max_episode_steps": 400}
+    trial = Trial(
+        task="Albot/Homing-v0",
+        agent=name,
+        world="random:office:6?rooms=4",
+        seed=6,
+        settings={"mapper": "albot1", **settings},
+    )
+    info = run_trial(trial).info
+    assert info["is_success"] == info["declared"] == comes_home
+
+
+def test_the_decision_stump_names_the_arrival_that_agrees_most_if_it_agrees_enough() -> None:
+    config = ArrivalsObservationConfig(most=3)
+    agent = make_agent("decision-stump", EnvironmentConfigs(config, ActionConfig()))
+    agent.reset(np.random.default_rng(0), Discrete(4))
+    parts = {"arrivals": np.ones((3, len(FEATURES)), np.float32), "mask": np.array((1, 1, -1))}
+    agreed = parts["arrivals"][:, FEATURES.index("agreed")]
+    for shares, answer in (((0.2, 0.29, 1), 0), ((0.2, 0.31, 1), 2), ((0.9, 0.31, 1), 1)):
+        agreed[:] = shares
+        assert agent.act(parts, {}) == answer
