@@ -34,7 +34,7 @@ class OffPolicyPlan:
     `qrdqn`, with those of the initial policy for `sac`. After `--resume` so many new samples."""
     train_freq: int = 1
     """Steps of all environments together between two updates."""
-    gradient_steps: int = 8
+    gradient_steps: int = 4
     """Gradient steps of an update, each with `batch_size` samples from the buffer. Each sample is
     thus used gradient_steps × batch_size / (train_freq × n_envs) times."""
     tau: float | None = None
