@@ -78,6 +78,8 @@ _SHORT: Mapping[str, tuple[str, ...]] = {
 its interval."""
 _WIDTH = 100
 """Most characters of a line of text."""
+_FEWEST = 20
+"""Fewest episodes of a cell from which agents are ranked in a sentence."""
 _UPPER_BOUNDS = tuple(
     name for name, entry in AGENTS.items() if entry.make(entry.configs).knows_truth
 )
@@ -164,15 +166,17 @@ def _says(report: Report) -> Iterator[str]:
             values = [_compared(row, measured.figure) for row in its.values()]
             known = [value for value in values if value is not None]
             whole = len(known) == len(measured.worlds) and agent not in _UPPER_BOUNDS
-            if whole and fewest[agent, mapper] == max(fewest.values()):
+            if whole and fewest[agent, mapper] == max(fewest.values()) >= _FEWEST:
                 means[_called(agent, mapper)] = sum(known) / len(known)
         if len(means) > 1:
             title = FIGURES[_named(measured.figure)].title
             best, second = sorted(means, key=lambda name: -means[name])[:2]
+            count = max(fewest.values())
+            so_far = f", by {count} episodes in each" if count < report.protocol.episodes else ""
             yield (
                 f"In {short_name(task)}, {best} is first: its mean {title} over the "
                 f"{len(measured.worlds)} kinds of worlds is {means[best]:.2f}, that of {second} "
-                f"{means[second]:.2f}."
+                f"{means[second]:.2f}{so_far}."
             )
 
 

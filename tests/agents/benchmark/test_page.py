@@ -91,15 +91,25 @@ def test_probes_share_one_table() -> None:
 def test_the_best_agent_is_told_where_all_worlds_are_measured() -> None:
     kinds = PROTOCOL.tasks["Albot/Homing-v0"].worlds
     agents = {"oracle": 1.0, "albot1-homing": 0.5, "homing": 0.75}
-    found = [
-        results(cell(agent, worlds=kind), 2, spl) for kind in kinds for agent, spl in agents.items()
-    ]
+
+    def measured(episodes: int) -> list[CellResults]:
+        return [
+            results(cell(agent, worlds=kind), episodes, spl)
+            for kind in kinds
+            for agent, spl in agents.items()
+        ]
+
     said = "In homing, `homing` (albot1) is first: its mean SPL over the 7 kinds of worlds is 0.75,"
-    assert said in " ".join(render_page(report(*found)).split())
-    assert "is first" not in render_page(report(*found[:-3]))
+    end = "that of `albot1-homing` (albot1) 0.50"
+    page = " ".join(render_page(report(*measured(100))).split())
+    assert f"{said} {end}." in page
+    page = " ".join(render_page(report(*measured(20))).split())
+    assert f"{said} {end}, by 20 episodes in each." in page
+    assert "is first" not in render_page(report(*measured(20)[:-3]))
+    assert "is first" not in render_page(report(*measured(19)))
     # One that was measured in fewer episodes is not set beside the others.
     luckier = [results(cell("random", worlds=kind), 1, 0.9) for kind in kinds]
-    assert said in " ".join(render_page(report(*found, *luckier)).split())
+    assert said in " ".join(render_page(report(*measured(20), *luckier)).split())
 
 
 def test_one_episode_has_no_interval_but_that_of_a_rate() -> None:
