@@ -43,10 +43,9 @@ def rows_of_mappers(
     Raises:
         InputError: A name is unknown, or nothing is left.
     """
-    from albot_agents.benchmark.mappers import AGENTS, WORLDS, mapper_rows
+    from albot_agents.benchmark.mappers import AGENTS, NO_MAPPER, WORLDS, mapper_rows
     from albot_agents.registry import find_agent
     from albot_core.mappers.registry import check_installed, installed_mappers, mapper_spec
-    from albot_env.tasks.core.settings import NO_MAPPER
 
     if set(kinds) - {WORLDS}:
         raise InputError("--worlds", f"{WORLDS}, in which mappers are compared", ", ".join(kinds))
@@ -78,9 +77,9 @@ def measure_costs(folder: Path, mappers: Sequence[str]) -> bool:
         InputError: The folder's costs are damaged, or cannot be written.
     """
     from albot_agents.benchmark.costs import add_costs, read_costs
+    from albot_agents.benchmark.mappers import NO_MAPPER
     from albot_benchmarks.mapper import relative_cost
     from albot_cli.explored_logs import Exploration, explore
-    from albot_env.tasks.core.settings import NO_MAPPER
 
     known = read_costs(folder)
     missing = [name for name in dict.fromkeys(mappers) if name not in (NO_MAPPER, *known)]

@@ -22,11 +22,13 @@ from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.run import Row
 from albot_agents.benchmark.table import Estimate, estimate
 from albot_agents.registry import BY_MAP, EXPLORE, PLACES, AgentEntry, agent_names, find_agent
+from albot_agents.task import config_kind
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap, wilson
 from albot_core.mappers.registry import mapper_names, mapper_spec
-from albot_env.tasks.core.settings import NO_MAPPER
 
+NO_MAPPER = "none"
+"""The setting of environments without a mapper."""
 AGENTS: Mapping[str, str] = {BY_MAP: "map-homing", EXPLORE: "gap-explorer", PLACES: "place-judge"}
 """The tasks in which mappers are compared, and the agent in each."""
 WORLDS = "offices"
@@ -125,6 +127,11 @@ def _with_mapper(entrant: Entrant, mapper: str) -> Entrant:
         mapper=mapper,
         settings=sensors_for(mapper),
     )
+
+
+def home_radius() -> float:
+    """Return the distance from the start within which a robot is home (m)."""
+    return float(config_kind(BY_MAP)().radius)
 
 
 def is_carried(episode: EpisodeResult) -> bool:
