@@ -11,10 +11,9 @@ from jaxtyping import Bool, Float64
 
 from albot_agents.benchmark.cell import EpisodeResult
 from albot_agents.benchmark.folder import CellResults
-from albot_agents.benchmark.mappers import WORLDS, is_carried
+from albot_agents.benchmark.mappers import WORLDS, home_radius, is_carried
 from albot_agents.benchmark.table import Estimate
 from albot_agents.registry import BY_MAP
-from albot_agents.task import config_kind
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
 from albot_core.evaluation.logistic import Logistic, bootstrap_logistic, fit_logistic
@@ -87,7 +86,7 @@ def fit_curve(results: Iterable[CellResults], driver: str) -> HomingCurve | None
         return None
     rng = np.random.default_rng(_SEED)
     fits = bootstrap_logistic(x, success, [(one.world, one.seed) for one in episodes], rng)
-    radius = config_kind(BY_MAP)().radius
+    radius = home_radius()
     return HomingCurve(
         errors=errors,
         success=success,

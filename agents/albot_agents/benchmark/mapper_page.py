@@ -9,11 +9,9 @@ from typing import Any
 
 from albot_agents.benchmark.folder import CellResults
 from albot_agents.benchmark.homing_curve import HomingCurve, fit_curve
-from albot_agents.benchmark.mappers import MapperRow, make_mapper_table
+from albot_agents.benchmark.mappers import MapperRow, home_radius, make_mapper_table
 from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.table import Estimate
-from albot_agents.registry import BY_MAP
-from albot_agents.task import config_kind
 from albot_core.mappers.registry import NO_MAPPER
 
 _ENOUGH = 0.9
@@ -82,7 +80,7 @@ def sentences(report: MapperReport) -> list[str]:
     found = [] if curve is None or not curve.levels else [_need(driver, curve)]
     found.append(_reached(report, driver))
     if curve is not None and curve.failures:
-        radius = config_kind(BY_MAP)().radius
+        radius = home_radius()
         text = f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with "
         text += f"home believed more than {radius:g} m off: there the map failed"
         others = ", in the others the driving" if curve.lost < curve.failures else ""

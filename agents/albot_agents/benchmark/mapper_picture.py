@@ -13,10 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from albot_agents.benchmark.homing_curve import HomingCurve
-from albot_agents.benchmark.mappers import MapperRow
+from albot_agents.benchmark.mappers import MapperRow, home_radius
 from albot_agents.benchmark.table import Estimate
-from albot_agents.registry import BY_MAP
-from albot_agents.task import config_kind
 from albot_core.drawing.palette import FAINT, RULE, SERIES, TEXT
 
 _MARKERS = "os^DvP"
@@ -74,8 +72,7 @@ def _draw_errors(axes: Axes, rows: Sequence[MapperRow], curve: HomingCurve) -> N
     for some in curve.bins:
         rate = some.success
         axes.errorbar(some.error, rate.value, _spread(rate), fmt="_", ms=14, color=TEXT, lw=2.0)
-    radius = config_kind(BY_MAP)().radius
-    axes.axvline(radius, color=FAINT, lw=1.0, ls="--", zorder=1)
+    axes.axvline(home_radius(), color=FAINT, lw=1.0, ls="--", zorder=1)
     for row in rows:
         error = row.figures.get("home_error_begin")
         if error is not None:

@@ -22,6 +22,7 @@ from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.run import Row
 from albot_agents.benchmark.table import Estimate, estimate
 from albot_agents.registry import BY_MAP, EXPLORE, PLACES, AgentEntry, agent_names, find_agent
+from albot_agents.task import config_kind
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap, wilson
 from albot_core.mappers.registry import NO_MAPPER, mapper_names, mapper_spec
@@ -124,6 +125,11 @@ def _with_mapper(entrant: Entrant, mapper: str) -> Entrant:
         mapper=mapper,
         settings=sensors_for(mapper),
     )
+
+
+def home_radius() -> float:
+    """Return the distance from the start within which a robot is home (m)."""
+    return float(config_kind(BY_MAP)().radius)
 
 
 def is_carried(episode: EpisodeResult) -> bool:
