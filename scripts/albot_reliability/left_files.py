@@ -95,7 +95,7 @@ def _check_train(folder: Path, killed: bool, moments: int | None) -> dict[str, i
     if run.versions.exists():
         json.loads(run.versions.read_text())
     if run.plan.exists():
-        read_plan(run.plan)
+        read_plan(run.plan, saved=True)
     if run.monitor.exists():
         lines = run.monitor.read_bytes()
         # A killed run may have been writing; resuming cuts off what follows a checkpoint.

@@ -181,7 +181,7 @@ def read_curves(folders: Sequence[Path]) -> LearningCurves:
     """
     found: dict[int, tuple[RunFolder, TrainingPlan, Curve]] = {}
     for run in (run for folder in folders for run in _runs(folder)):
-        plan = read_plan(run.plan, tried=False)
+        plan = read_plan(run.plan, tried=False, saved=True)
         first = next(iter(found.values()), None)
         if first is not None:
             others = differences(_shared(plan), _shared(first[1]))

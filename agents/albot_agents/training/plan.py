@@ -238,7 +238,6 @@ class TrainingPlan:
         if self.pretrain is not None and self.learns_off_policy:
             expected = f"null for {self.algorithm}: only {' and '.join(ON_POLICY)} clone"
             raise InputError("TrainingPlan.pretrain", expected, "a pretraining")
-        self._check_unused_fields()
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
         rate = self.schedule("learning_rate")
@@ -252,10 +251,14 @@ class TrainingPlan:
             expected = "for_steps or until_success in all stages but the last"
             raise InputError("TrainingPlan.curriculum", expected, "a stage with neither")
 
-    def _check_unused_fields(self) -> None:
-        """Raise InputError if a field is set of which the algorithm makes no use.
+    def check_unused_fields(self) -> None:
+        """Check that no field is set of which the algorithm makes no use.
 
-        It would be wrong to leave its user in the belief that it matters.
+        Its user would be left in the belief that it matters. Plans that runs and agents have saved
+        are not checked: they hold the defaults of the version that wrote them.
+
+        Raises:
+            InputError: One is; the message names all of them.
         """
         defaults = {"policy": PolicyPlan(), "off_policy": OffPolicyPlan()}
         tops = {each.name: each.default for each in fields(self)}

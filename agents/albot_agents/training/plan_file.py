@@ -39,6 +39,7 @@ def read_plan(
     task: str | None = None,
     *,
     tried: bool = True,
+    saved: bool = False,
     pretrained: bool = False,
     **changes: Any,
 ) -> TrainingPlan:
@@ -48,6 +49,7 @@ def read_plan(
         path: The file.
         task: The task; None for the one that the file names.
         tried: Whether the plan's environments are made once, to check what its settings are for.
+        saved: Whether a run has saved it, so that fields without use may have values.
         pretrained: Whether the pretraining is over, so that its agent or file is needed no more.
         changes: Values of top-level keys that replace the file's, which must be valid anyway, and
             `robot`, which replaces that of `env`. None replaces nothing.
@@ -56,7 +58,9 @@ def read_plan(
         InputError: The file is missing or not YAML, has an unknown key or an invalid value, is for
             another task, or requests a GPU where there is none.
     """
-    return _plan(read_yaml(path), path, task, changes, tried, pretrained)
+    return _plan(
+        read_yaml(path), path, task, changes, tried=tried, saved=saved, pretrained=pretrained
+    )
 
 
 def shipped_plan(task: str, *, tried: bool = True, **changes: Any) -> TrainingPlan:
@@ -70,7 +74,7 @@ def shipped_plan(task: str, *, tried: bool = True, **changes: Any) -> TrainingPl
     if not file.is_file():
         raise InputError("--config", f"a file, because no plan comes with {task}", "none")
     document = YamlDocument(file.read_text(encoding="utf-8"), file.name)
-    return _plan(document, file.name, task, changes, tried)
+    return _plan(document, file.name, task, changes, tried=tried)
 
 
 def plan_text(plan: TrainingPlan) -> str:
@@ -140,7 +144,9 @@ def _plan(
     source: object,
     task: str | None,
     changes: Mapping[str, Any],
+    *,
     tried: bool,
+    saved: bool = False,
     pretrained: bool = False,
 ) -> TrainingPlan:
     where = Location(source, place=document.place)
@@ -157,6 +163,8 @@ def _plan(
         if "robot" in given:
             given["env"] = {**plan.env, "robot": given.pop("robot")}
         plan = dataclasses.replace(plan, **given)
+        if not saved:
+            plan.check_unused_fields()
     if tried:
         check_device(plan, where)
         batch = _check_environments(plan, where)

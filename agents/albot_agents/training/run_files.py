@@ -142,7 +142,9 @@ class RunFolder:
                 self.path, f"the folder of a training run, with {self.plan.name}", "none"
             )
         begun = bool(checkpoints(self.checkpoints))
-        plan = read_plan(self.plan, task, tried=tried, pretrained=begun, n_timesteps=n_timesteps)
+        plan = read_plan(
+            self.plan, task, tried=tried, saved=True, pretrained=begun, n_timesteps=n_timesteps
+        )
         # Without a checkpoint a run begins anew, as one that was stopped before its first. But an
         # agent is saved only with a checkpoint.
         if self.last.exists() and not checkpoints(self.checkpoints):

@@ -17,7 +17,7 @@ from albot_agents.training import plan_check
 from albot_agents.training.off_policy_plan import OFF_POLICY, USERS, OffPolicyPlan
 from albot_agents.training.plan import ALGORITHMS, TrainingPlan
 from albot_agents.training.plan_check import sample_bytes
-from albot_agents.training.plan_file import plan_text, read_plan, stage_settings
+from albot_agents.training.plan_file import plan_text, read_plan, save_plan, stage_settings
 from albot_agents.training.run import TrainingRun
 from albot_core.config_document import field_docs
 from albot_core.errors import InputError
@@ -111,6 +111,16 @@ def test_what_only_others_use_is_said_for_ppo_too(tmp_path: Path) -> None:
     expected = r"off_policy: expected learning_starts 20000, the default, because ppo does not use"
     with pytest.raises(InputError, match=expected):
         read_plan(plan_file(tmp_path / "plan.yml", off_policy=own))
+
+
+def test_what_is_saved_is_read_whatever_the_defaults_were(tmp_path: Path) -> None:
+    """A later version may have other defaults of the fields that an algorithm does not use."""
+    folder, plan = begun(tmp_path)
+    older = dataclasses.replace(plan, off_policy=OffPolicyPlan(gradient_steps=77))
+    save_plan(older, folder.plan)
+    assert folder.check(None) == older
+    with pytest.raises(InputError, match="expected gradient_steps"):
+        read_plan(folder.plan)
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
