@@ -75,9 +75,13 @@ class ArchiveFormat:
             arrays: Numeric arrays by name.
 
         Raises:
-            InputError: The file cannot be written.
+            InputError: The file cannot be written, or could not be read for its size.
             OSError: The disk is full.
         """
+        size = sum(array.nbytes for array in arrays.values())
+        if size > self.largest:
+            expected = f"{self.largest:,} bytes of arrays at most in a {self.kind}"
+            raise InputError(path, expected, f"{size:,}")
         head = {"format": self.name, "version": self.version, **header}
         with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as archive:
             _add(archive, HEADER, json.dumps(head, sort_keys=True, allow_nan=False).encode())

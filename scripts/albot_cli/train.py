@@ -120,6 +120,8 @@ def command(
     if print_plan:
         if seeds is not None:
             raise InputError("--seeds", "no such option with --print-plan; --seed", seeds)
+        if jobs is not None:
+            raise InputError("--jobs", "no such option with --print-plan", str(jobs))
         _print_plan(task, config, resume, seed, steps, robot, as_json)
         return 0
     _check_installed()
@@ -282,7 +284,9 @@ def _as_text(result: dict[str, Any]) -> str:
         f"{result['seconds']:.0f} s ({result['samples_per_second']:,.0f} samples/s)"
         + (", stopped before the end" if result["stopped"] else "")
     ]
-    figures = {"training": {"success_rate": result["success_rate"]}}
+    cloned = result["pretraining"]
+    figures = {"cloning": {key: cloned[key] for key in cloned if key != "samples"}}
+    figures |= {"training": {"success_rate": result["success_rate"]}}
     figures |= {"evaluation": result["evaluation"]}
     for name, found in figures.items():
         known = [f"{key} {value:.2f}" for key, value in found.items() if value is not None]

@@ -127,3 +127,9 @@ def test_a_writer_that_is_killed_leaves_the_file_as_it_was(tmp_path: Path) -> No
         process.kill()
     assert process.returncode == -signal.SIGKILL
     assert FORMAT.read(path)[0] == {"good": True}
+
+
+def test_what_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="1,048,576 bytes of arrays at most in a test file, found"):
+        FORMAT.write(tmp_path / "x", {}, {"a": np.zeros((1 << 20) + 1, np.uint8)})
+    assert not list(tmp_path.iterdir())

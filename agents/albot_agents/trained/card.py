@@ -15,6 +15,7 @@ from albot_agents.training.learning_curve import (
     seeds_text,
     spread_text,
 )
+from albot_agents.training.plan import TrainingPlan
 from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -147,6 +148,7 @@ def _origin(agent: AgentFile) -> str:
     rows = {
         "command": f"`{training.command}`",
         "seed": plan.seed,
+        **_cloned(plan),
         "worlds": "; ".join(f"`{world}`" for world in shown),
         "robot": f"`{agent.settings.get('robot', DEFAULT_ROBOT)}`",
         "mapper": f"`{agent.settings.get('mapper', 'albot1')}`",
@@ -156,6 +158,15 @@ def _origin(agent: AgentFile) -> str:
     }
     lines = [f"| {name} | {value} |" for name, value in rows.items()]
     return "\n".join(("## Training", "", "| | |", "|---|---|", *lines))
+
+
+def _cloned(plan: TrainingPlan) -> dict[str, str]:
+    """Return the row about the pretraining; none without one."""
+    its = plan.pretrain
+    if its is None:
+        return {}
+    shown = f"{its.steps:,} samples of `{its.agent}`" if its.agent else f"`{its.demonstrations}`"
+    return {"cloned before": shown}
 
 
 def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:

@@ -24,11 +24,10 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
 from albot_agents.trained.encoders import PartEncoder
-from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.encoders import encoder_weights
 from albot_agents.training.off_policy import continue_without_buffer
 from albot_agents.training.plan import ON_POLICY, TrainingPlan
-from albot_agents.training.plan_check import check_algorithm, check_policy, policy_encoders
+from albot_agents.training.plan_check import agent_network, check_algorithm, check_policy
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
@@ -295,15 +294,12 @@ class AgentExporter:
         observation_config = env.get_wrapper_attr("observation_config")
         check_algorithm(plan, env.observation_space, env.action_space)
         check_policy(plan.policy, observation_config, env.action_space)
-        self.encoders = policy_encoders(plan.policy, observation_config)
-        """The encoders of the policy."""
+        self.network = agent_network(
+            plan, observation_config, env.observation_space, env.action_space
+        )
+        """Architecture of the agents' network."""
         self._settings = kept_settings(plan.task, settings, observation_config)
-        self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
-        self._outputs = int(spaces.flatdim(env.action_space))
-        self._candidates = 0
-        if plan.policy.kind == "candidates":
-            self._candidates = self._outputs - 1
         env.close()
 
     def agent(self, state: Mapping[str, np.ndarray], training: TrainingFacts) -> AgentFile:
@@ -318,19 +314,8 @@ class AgentExporter:
             task=plan.task,
             settings=self._settings,
             discrete=self._discrete,
-            network=NetworkConfig(
-                inputs=self._inputs,
-                layers=plan.policy.net_arch,
-                activation=plan.policy.activation,
-                outputs=self._outputs,
-                lstm_size=plan.policy.lstm_size if plan.recurrent else 0,
-                lstm_layers=plan.policy.lstm_layers if plan.recurrent else 0,
-                sampled=plan.policy.sampled,
-                candidates=self._candidates,
-                encoders=self.encoders,
-                squashed=plan.algorithm == "sac",
-            ),
-            weights=policy_weights(state, plan, self.encoders),
+            network=self.network,
+            weights=policy_weights(state, plan, self.network.encoders),
             training=training,
         )
 

@@ -75,6 +75,11 @@ class Evaluations:
         return int(self._results["timesteps"][-1]) if len(self._results["timesteps"]) else 0
 
     @property
+    def count(self) -> int:
+        """Number of evaluations."""
+        return len(self._results["timesteps"])
+
+    @property
     def last(self) -> dict[str, float | None]:
         """Means of the last evaluation: `success_rate`, `spl`, `return`; None if unknown."""
         if not len(self._results["timesteps"]):

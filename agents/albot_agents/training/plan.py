@@ -49,11 +49,16 @@ _USERS = {
     **{f"off_policy.{name}": users for name, users in USERS.items()},
 }
 """The algorithms that use each field; those that are not here are used by all."""
+_KIND_USERS = {
+    "policy.filters": ("cnn", "multi_input"),
+    **dict.fromkeys(("policy.graph_units", "policy.graph_heads"), ("attention", "multi_input")),
+}
+"""The kinds of policies that use each field, for fields that not all kinds use."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyPlan:
-    """The networks. Policy and value have one each; they share the encoders of `kind` alone."""
+    """The networks. Policy and value have one each; with PPO they share the encoders of `kind`."""
 
     kind: str = "mlp"
     """What encodes the observation before the LSTM or the first hidden layer:
@@ -252,7 +257,7 @@ class TrainingPlan:
             raise InputError("TrainingPlan.curriculum", expected, "a stage with neither")
 
     def check_unused_fields(self) -> None:
-        """Check that no field is set of which the algorithm makes no use.
+        """Check that no field is set of which algorithm and kind of policy make no use.
 
         Its user would be left in the belief that it matters. Plans that runs and agents have saved
         are not checked: they hold the defaults of the version that wrote them.
@@ -263,18 +268,19 @@ class TrainingPlan:
         defaults = {"policy": PolicyPlan(), "off_policy": OffPolicyPlan()}
         tops = {each.name: each.default for each in fields(self)}
         found = []
-        for path, users in _USERS.items():
-            top, _, name = path.partition(".")
-            default = getattr(defaults[top], name) if name else tops[top]
-            value = attrgetter(path)(self)
-            if self.algorithm not in users and value != default:
-                found.append((path, value, default))
+        for chosen, table in ((self.algorithm, _USERS), (self.policy.kind, _KIND_USERS)):
+            for path, users in table.items():
+                top, _, name = path.partition(".")
+                default = getattr(defaults[top], name) if name else tops[top]
+                value = attrgetter(path)(self)
+                if chosen not in users and value != default:
+                    found.append((path, value, default, chosen))
         if not found:
             return
-        (path, value, default), *others = found
+        (path, value, default, chosen), *others = found
         top, _, name = path.partition(".")
         wanted = f"{name} {'null' if default is None else default}".lstrip()
-        expected = f"{wanted}, the default, because {self.algorithm} does not use it"
+        expected = f"{wanted}, the default, because {chosen} does not use it"
         more = f" (and also {', '.join(other for other, *_ in others)})" if others else ""
         raise InputError(f"TrainingPlan.{top}", expected, f"{value}{more}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from typing import Any
@@ -10,8 +11,9 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import VectorEnv
 
+from albot_agents.trained.agent_file import FORMAT
 from albot_agents.trained.encoders import ATTENTION, CONVOLUTION, PartEncoder
-from albot_agents.trained.network import CANDIDATES
+from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.off_policy_plan import VALUE_BASED
 from albot_agents.training.plan import ON_POLICY, PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
@@ -27,6 +29,8 @@ MEMORY = Location("training plan")
 """Location of a plan that was not read from a file."""
 _PATCHES = (MAP_PATCH.name, TRUE_PATCH.name, COVERAGE.name)
 """Parts that convolutions encode."""
+_HEADER_BYTES = 1 << 20
+"""What an agent's file holds besides its network is less (bytes)."""
 _ENCODED: dict[str, tuple[tuple[str, ...], ...]] = {
     "cnn": (_PATCHES,),
     "attention": ((PLACE_GRAPH.name,),),
@@ -133,6 +137,46 @@ def check_policy(
     if policy.initial_action is not None and len(policy.initial_action) != outputs:
         found = str(len(policy.initial_action))
         raise where.at("initial_action").error(f"{outputs} numbers", found)
+
+
+def agent_network(
+    plan: TrainingPlan,
+    observation_config: ObservationConfig,
+    observations: spaces.Space[Any],
+    actions: spaces.Space[Any],
+    where: Location = MEMORY,
+) -> NetworkConfig:
+    """Return the network of the agents that a plan trains.
+
+    Args:
+        plan: The plan.
+        observation_config: The environment's observation config.
+        observations: The environment's observation space.
+        actions: The environment's action space.
+        where: Location of the plan.
+
+    Raises:
+        InputError: An agent's file cannot hold it, or the observation has no part to encode.
+    """
+    policy, outputs = plan.policy, int(spaces.flatdim(actions))
+    network = NetworkConfig(
+        inputs=spaces.flatdim(observations),
+        layers=policy.net_arch,
+        activation=policy.activation,
+        outputs=outputs,
+        lstm_size=policy.lstm_size if plan.recurrent else 0,
+        lstm_layers=policy.lstm_layers if plan.recurrent else 0,
+        sampled=policy.sampled,
+        candidates=outputs - 1 if policy.kind == "candidates" else 0,
+        encoders=policy_encoders(policy, observation_config, where),
+        squashed=plan.algorithm == "sac",
+    )
+    size = 4 * sum(math.prod(shape) for shape in network.shapes.values())
+    most = FORMAT.largest - _HEADER_BYTES
+    if size > most:
+        expected = f"a network of {most:,} bytes at most, as an agent's file holds"
+        raise where.at("policy").error(expected, f"one of {size:,} bytes")
+    return network
 
 
 def policy_encoders(

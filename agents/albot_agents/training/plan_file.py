@@ -18,6 +18,7 @@ from albot_agents.training.demonstrations import LARGEST, Lesson, read_demonstra
 from albot_agents.training.plan import EvaluationPlan, StagePlan, TrainingPlan
 from albot_agents.training.plan_check import (
     MEMORY,
+    agent_network,
     check_algorithm,
     check_device,
     check_policy,
@@ -196,7 +197,9 @@ def _check_environments(plan: TrainingPlan, where: Location) -> Any:
         check_spaces(batches[0], batches[-1], place)
     actions = batches[0].single_action_space
     check_algorithm(plan, batches[0].single_observation_space, actions, where)
-    check_policy(plan.policy, batches[0].observation_config, actions, where)
+    seen = batches[0].observation_config
+    check_policy(plan.policy, seen, actions, where)
+    agent_network(plan, seen, batches[0].single_observation_space, actions, where)
     if plan.evaluation is not None:
         place = where.at("evaluation", "env")
         settings = evaluation_settings(plan, place)

@@ -82,7 +82,9 @@ class TrainingRun:
         self._curriculum = Curriculum(
             plan, int(self._resumed["stage"]), float(self._resumed["seconds"])
         )
-        self.learner: BaseAlgorithm = make_learner(plan, self._curriculum, self._exporter.encoders)
+        self.learner: BaseAlgorithm = make_learner(
+            plan, self._curriculum, self._exporter.network.encoders
+        )
         """The learner."""
         if found is not None:
             path, checkpoint = found
@@ -117,6 +119,7 @@ class TrainingRun:
                 self._prepare_journeys()
                 if self._pretrains:
                     self._pretrain()
+                self._evaluate_clone()
                 callback = _RolloutCallback(self._between_rollouts, self._rollouts_of_round)
                 # None, because an off-policy learner would log every few episodes within a step.
                 log_interval: Any = None if self._plan.learns_off_policy else 1
@@ -156,7 +159,7 @@ class TrainingRun:
                 each.prepare_journeys(lambda note: self._report(samples, note))
 
     def _pretrain(self) -> None:
-        """Let the policy learn from demonstrations, and evaluate what it has learnt."""
+        """Let the policy learn from demonstrations."""
         assert isinstance(self.learner, OnPolicyAlgorithm), "others are refused with the plan"
         pretraining = Pretraining(self._plan, self.learner, self._folder.demonstrations)
         self._figures = pretraining.run(lambda note: self._report(0, note))
@@ -167,7 +170,12 @@ class TrainingRun:
         self._snapshot = self._take_snapshot()
         self._save()
         self._pretrains = False
-        if self._evaluations is not None:
+
+    def _evaluate_clone(self) -> None:
+        """Evaluate what the pretraining has learnt, unless that was done before a stop."""
+        if self._plan.pretrain is None or self.learner.num_timesteps or self._evaluations is None:
+            return
+        if not self._evaluations.count:
             self._evaluate(self._evaluations)
 
     def _between_rollouts(self, last: bool = False) -> None:
@@ -178,7 +186,8 @@ class TrainingRun:
         if self._curriculum.is_over(samples - self._stage_began) and not last:
             self._next_stage()
         if isinstance(self.learner, OffPolicyAlgorithm):
-            self.learner.dump_logs()
+            if self.learner.ep_info_buffer is not None:  # None if the run was over already.
+                self.learner.dump_logs()
         elif isinstance(self.learner, OnPolicyAlgorithm):
             self._set_entropy_coefficient(self.learner)
         self._snapshot = self._take_snapshot()
@@ -228,6 +237,7 @@ class TrainingRun:
         for name, value in evaluations.last.items():
             if value is not None:
                 self.learner.logger.record(f"eval/{name}", value)
+        self.learner.logger.dump(self.learner.num_timesteps)
         if best:
             self._export().save(self._folder.best)
 

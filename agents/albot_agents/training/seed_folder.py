@@ -74,7 +74,12 @@ class SeedFolder:
         kinds = {"seeds": list[int], "command": str}
         found = read_record(kinds, read_json(self.seeds), Location(self.seeds))
         check_seeds(found["seeds"], self.seeds)
-        plan = read_plan(self.plan, task, saved=True, n_timesteps=n_timesteps)
+        from albot_agents.training.checkpoint import checkpoints  # Slow to load: PyTorch.
+
+        pretrained = all(checkpoints(self.run(seed).checkpoints) for seed in found["seeds"])
+        plan = read_plan(
+            self.plan, task, saved=True, pretrained=pretrained, n_timesteps=n_timesteps
+        )
         begun = {seed for seed in found["seeds"] if self.run(seed).plan.is_file()}
         for seed in begun:
             self.run(seed).check(task, n_timesteps=n_timesteps, tried=False)

@@ -15,7 +15,7 @@ from albot_agents.agent import Action, EnvironmentConfigs
 from albot_agents.registry import AgentEntry, find_agent, make_agent
 from albot_agents.task import config_kind
 from albot_core.errors import InputError
-from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.registry import NO_MAPPER, mapper_spec
 from albot_env.tasks.core.observation import PART_NAMES, parts_by_map
 from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.sensors import LASER
@@ -41,12 +41,17 @@ class Teachers:
     def __init__(self, name: str, configs: EnvironmentConfigs, actions: Any, robots: int) -> None:
         self._agents = [make_agent(name, configs) for _ in range(robots)]
         self._actions = actions
-        self.reset(np.ones(robots, np.bool_))
+        self.begin(0)
+
+    def begin(self, seed: int) -> None:
+        """Begin new episodes for all robots; the seed decides what the agents draw in all."""
+        self._rngs = [np.random.default_rng((seed, k)) for k in range(len(self._agents))]
+        self.reset(np.ones(len(self._agents), np.bool_))
 
     def reset(self, mask: Bool[np.ndarray, "robots"]) -> None:
         """Begin new episodes for the robots in a mask."""
         for k in np.flatnonzero(mask):
-            self._agents[k].reset(np.random.default_rng(k), self._actions)
+            self._agents[k].reset(self._rngs[k].spawn(1)[0], self._actions)
 
     def act(
         self,
@@ -93,10 +98,11 @@ class TaughtEnvironments:
             raise InputError("agent", f"one for {task}", f"one for {' and '.join(entry.tasks)}")
         self.batch: Any = _make(task, count, settings)
         """The environments, as the learner observes them."""
-        self._shown, config = self.batch, _teacher_config(task, entry, settings, self.batch)
-        if config is not None:
-            self._shown = _make(task, count, {**settings, "config": config})
+        self._shown = self.batch
         try:
+            config = _teacher_config(task, entry, settings, self.batch)
+            if config is not None:
+                self._shown = _make(task, count, {**settings, "config": config})
             self._check_actions()
             names = "observation_config", "action_config", "robot_config"
             configs = EnvironmentConfigs(*(getattr(self._shown, name) for name in names))
@@ -111,7 +117,7 @@ class TaughtEnvironments:
         observations, infos = self.batch.reset(seed=seed)
         same = self._shown is self.batch
         self._remember(*((observations, infos) if same else self._shown.reset(seed=seed)))
-        self._teachers.reset(np.ones(self.batch.num_envs, np.bool_))
+        self._teachers.begin(seed)
         return np.asarray(observations)
 
     def demonstrate(self) -> Actions:
@@ -164,13 +170,16 @@ def _teacher_config(
         batch: These environments.
     """
     config = settings.get("config") or config_kind(task)()
-    if entry.file is not None:
-        return entry.environment(task, settings)["config"]
     if not hasattr(config, "observations"):
         return None
+    if entry.file is not None:
+        # Its observations alone: with its scales of actions the robots would drive elsewhere.
+        its = entry.environment(task, settings)["config"]
+        shown = {"hints": its.hints} if hasattr(its, "hints") else {}
+        return replace(config, observations=its.observations, **shown)
     seen, uses = batch.observation_config, set(entry.uses)
     mapper = settings.get("mapper", "albot1")
-    spec = None if mapper == "none" else mapper_spec(mapper)
+    spec = None if mapper == NO_MAPPER else mapper_spec(mapper)
     if "claim" not in batch.action_config.names or MATCHES.name not in parts_by_map(spec):
         uses.discard(MATCHES.name)
     missing = [part for part in PART_NAMES if part in uses and part not in seen.parts]

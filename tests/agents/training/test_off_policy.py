@@ -99,6 +99,9 @@ def test_a_resumed_run_has_all_but_the_buffer(trained: Trained, tmp_path: Path) 
     assert updated == list(range(SAMPLES + 22, SAMPLES + 81, 2))
     for name, tensor in learnt_tensors(learner).items():
         assert not np.array_equal(tensor.detach().numpy(), saved.weights[name]), name
+    folder.last.unlink()  # It was killed before it wrote its agent, and has nothing left to learn.
+    assert TrainingRun(folder, folder.resume(None)).run()["samples"] == SAMPLES + 80
+    assert folder.last.is_file()
 
 
 def test_the_same_seed_gives_the_same_agent(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -20,6 +20,7 @@ from albot_agents.training import plan as plans
 from albot_agents.training.checkpoint import read_checkpoint
 from albot_agents.training.cloning import Cloner
 from albot_agents.training.demonstrations import Demonstrations, Lesson, read_demonstrations
+from albot_agents.training.evaluations import Evaluations
 from albot_agents.training.plan_file import first_world, pretraining_settings, read_plan
 from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_agents.training.pretraining import Pretraining
@@ -131,6 +132,48 @@ def test_a_clone_is_evaluated_before_it_learns_by_itself(tmp_path: Path) -> None
     TrainingRun(folder, plan).run()
     with np.load(folder.evaluations) as kept:
         assert kept["timesteps"].tolist() == [0, 16]
+
+
+def test_a_clone_whose_evaluation_was_stopped_is_evaluated_after_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, plan = begun(tmp_path, pretrain=PRETRAIN, n_timesteps=16)
+    with monkeypatch.context() as patched:
+        patched.setattr(Evaluations, "measure", _interrupted)
+        assert TrainingRun(folder, plan).run()["stopped"]
+    TrainingRun(folder, folder.resume(None)).run()
+    with np.load(folder.evaluations) as kept:
+        assert kept["timesteps"].tolist() == [0, 16]
+
+
+def _interrupted(*_: Any) -> bool:
+    raise KeyboardInterrupt
+
+
+def test_a_trained_teacher_drives_at_the_scales_of_the_learner(tmp_path: Path) -> None:
+    """Otherwise it would drive elsewhere than the robot whose observations are learnt."""
+    slow = {"config": {"actions": {"speed": 0.4}, "observations": LEARNER}}
+    taught, plan = begun(tmp_path / "slow", env=slow, n_timesteps=16, evaluation=None)
+    TrainingRun(taught, plan).run()
+    pretrain = {**PRETRAIN, "agent": str(taught.last)}
+    with pytest.raises(InputError, match=r"pretrain.agent: expected actions as .*speed 1.0, not 0"):
+        begun(tmp_path / "fast", **CHANGES | {"pretrain": pretrain})
+    begun(tmp_path / "equal", env=slow, pretrain=pretrain)
+
+
+def test_teachers_draw_anew_in_each_episode_and_by_the_seed(tmp_path: Path) -> None:
+    plan = read_plan(plan_file(tmp_path / "plan.yml", **CHANGES))
+    envs = TaughtEnvironments(TASK, "random", 2, pretraining_settings(plan))
+    drawn = []
+    for seed in (5, 5, 6):
+        envs.reset(seed)
+        drawn.append(envs.demonstrate())
+        envs._teachers.reset(np.ones(2, np.bool_))
+        drawn.append(envs.demonstrate())
+    envs.close()
+    np.testing.assert_array_equal(drawn[0], drawn[2])
+    for other in (1, 4):
+        assert (drawn[0] != drawn[other]).any()
 
 
 def test_a_learner_sees_its_own_part_of_the_episodes_of_its_teachers(tmp_path: Path) -> None:
