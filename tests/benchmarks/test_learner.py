@@ -18,13 +18,17 @@ from albot_env.vector.sb3 import make_batch
 def test_every_run_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(learner, "WORLD", "square-loop")
     figures = measure_learner(num_envs=4, steps=2, rollouts=1)
-    runs = [(run["id"], run["mapper"]) for run in figures["runs"]]
+    runs = [(run["id"], run["mapper"], run["policy"]) for run in figures["runs"]]
     explore = "Albot/Explore-v0"
-    assert runs == [("free", None), (explore, "none"), (explore, "albot1")]
+    assert runs == [
+        ("free", None, "mlp"), (explore, "none", "mlp"), (explore, "albot1", "mlp"),
+        ("free", None, "cnn"), (explore, "albot1", "mlp"), (explore, "albot1", "cnn"),
+    ]  # fmt: skip
+    assert [("map_patch" in run["parts"]) for run in figures["runs"]] == [False] * 3 + [True] * 3
     assert all(run["samples_per_second"] > 0 for run in figures["runs"])
     assert all(0 < run["environment_share"] < 1 for run in figures["runs"])
     assert (figures["num_envs"], figures["batch"], figures["epochs"]) == (4, 4096, 4)
-    assert figures["observation"] == ObservationConfig().flat_space.shape[0]
+    assert figures["runs"][0]["observation"] == ObservationConfig().flat_space.shape[0]
 
 
 def test_without_the_learner_the_part_says_what_is_missing(

@@ -19,6 +19,7 @@ import yaml
 from PIL import Image
 
 from albot_agents.benchmark.cell import Cell
+from albot_agents.benchmark.costs import read_costs
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.page import Report, render_page
 from albot_agents.registry import find_agent
@@ -323,6 +324,13 @@ READERS: tuple[Reader, ...] = (
         functions=(read_evaluation,),
         write=_write_evaluation,
         read=_write_card,
+    ),
+    one_file(
+        "costs",
+        "costs.json",
+        '{"costs": {"albot1": 1.5, "odometry": 1.0}}',
+        lambda path: read_costs(path.parent),
+        read_costs,
     ),
     Reader(
         name="results",
