@@ -262,9 +262,10 @@ def _read_settings(
         # contract of all environments, but would copy every part at every step.
         settings["observation"] = "flat"
     worlds = settings.get("world")
+    name = "n_envs" if count is None else "pretrain.n_envs"
     count = plan.n_envs if count is None else count
     if isinstance(worlds, list) and not 1 <= len(worlds) <= count:
-        expected = f"at least one world, and at most n_envs, {count}"
+        expected = f"at least one world, and at most {name}, {count}"
         raise where.at("world").error(expected, str(len(worlds)))
     return settings
 

@@ -89,6 +89,7 @@ class TrainingRun:
         if found is not None:
             path, checkpoint = found
             restore(self.learner, checkpoint, path)
+            self._warn_if_nothing_is_learnt(warn)
             self._curriculum.seed(self._next_seed())
         # The first checkpoint comes after the pretraining.
         self._pretrains = found is None and plan.pretrain is not None
@@ -99,6 +100,15 @@ class TrainingRun:
         # From here on, the folder counts as that of a run.
         self._episode_log = EpisodeLog(folder.monitor, plan.task, int(self._resumed["monitor"]))
         self._snapshot = self._take_snapshot()
+
+    def _warn_if_nothing_is_learnt(self, warn: Callable[[str], None]) -> None:
+        """Warn if the resumed run ends before its replay buffer is filled again."""
+        samples, last = self.learner.num_timesteps, self._plan.n_timesteps
+        first = getattr(self.learner, "learning_starts", 0)  # On-policy learners have none.
+        if samples < last <= first:
+            warn(
+                f"{self._folder.path}: nothing more is learnt before {first:,} samples; use --steps"
+            )
 
     def run(self, report: ProgressReport | None = None) -> dict[str, Any]:
         """Train to the end or until Ctrl-C; return the outcome, as `albot train --json` prints it.

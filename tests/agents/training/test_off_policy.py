@@ -102,6 +102,9 @@ def test_a_resumed_run_has_all_but_the_buffer(trained: Trained, tmp_path: Path) 
     folder.last.unlink()  # It was killed before it wrote its agent, and has nothing left to learn.
     assert TrainingRun(folder, folder.resume(None)).run()["samples"] == SAMPLES + 80
     assert folder.last.is_file()
+    told: list[str] = []
+    TrainingRun(folder, folder.resume(None, n_timesteps=SAMPLES + 90), told.append).close()
+    assert "nothing more is learnt before" in told[0]
 
 
 def test_the_same_seed_gives_the_same_agent(tmp_path_factory: pytest.TempPathFactory) -> None:
