@@ -175,7 +175,28 @@ def test_an_error_that_was_never_measured_is_not_told() -> None:
     assert 0.5 not in curve.levels
 
 
-def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> None:
+def test_few_episodes_are_not_spoken_of(measured: list[CellResults]) -> None:
+    report = _report(measured)
+    assert all(row.episodes == 10 for row in report.rows)
+    assert sentences(report) == []
+    rows = [replace(row, episodes=20) for row in report.rows]
+    assert len(sentences(replace(report, rows=rows))) == 3
+    some = [rows[0], *report.rows[1:3], rows[3]]  # Only `none` and `ratslam` have enough.
+    assert "0 of 1 mappers bring it home" in " ".join(sentences(replace(report, rows=some)))
+
+
+def test_one_episode_has_no_interval_but_that_of_a_rate() -> None:
+    infos = [{"is_success": True, "spl": 1.0, "home_error_begin": 0.1, "home_error": 0.2}]
+    found = [_results(_cell(name), infos) for name in ("none", "albot1")]
+    report = MapperReport.of(found, PROTOCOL, {})
+    row = next(line for line in mapper_section(report) if line.startswith("| `albot1`"))
+    assert row == "| `albot1` | 100% (21%–100%) | 1.00 | 0.10 | 0.20 | **1** |"
+
+
+def test_the_sentences_say_what_the_figures_are(
+    measured: list[CellResults], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("albot_agents.benchmark.mapper_page.FEWEST", 10)
     report = _report(measured, albot1=2.04, odometry=1.0)
     curve = report.curves["map-homing"]
     need, reached, failed = sentences(report)
