@@ -144,7 +144,7 @@ def command(
         chosen = report.only({row.entrant.name for row in rows}) if agents else report
         figures = page.with_suffix(".json")
         write_text(figures, json.dumps(page_data(report), indent=1) + "\n")
-        write_text(page, render_page(report))
+        write_text(page, render_page(report, page.parent))
     facts: dict[str, Any] = {"protocol": folder.protocol.protocol, "missing": run.missing}
     files = {"page": str(page), "figures": str(figures)}
     if report.picture is not None:

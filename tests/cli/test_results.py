@@ -83,10 +83,13 @@ def test_a_file_is_scored_in_its_own_task_and_its_lines_are_told(
 def test_the_page_alone(tmp_path: Path, call: Callable[..., Result]) -> None:
     out, page = tmp_path / "results", tmp_path / "page.md"
     call("results", "--out", out, *RANDOM, "--episodes", 1)
+    assert "](" not in (out / "results.md").read_text()  # Nothing to link lies there.
     (out / "results.md").unlink()
+    (tmp_path / "benchmark.md").touch()
     found = figures(call("results", "--out", out, "--episodes", 0, "--page", page, "--json"))
     assert found["files"] == {"page": str(page), "figures": str(tmp_path / "page.json")}
     assert "`random`" in page.read_text()
+    assert "[benchmark.md](benchmark.md)" in page.read_text()
     assert not (out / "results.md").exists()
 
 

@@ -101,11 +101,17 @@ def fit_curve(results: Iterable[CellResults], driver: str) -> HomingCurve | None
 def _level(
     fit: Logistic, fits: Sequence[Logistic], level: float, errors: Float64[np.ndarray, "episodes"]
 ) -> Estimate | None:
-    """Return the error with a probability of success; None beyond the errors measured."""
+    """Return the error with a probability of success; None beyond the errors measured.
+
+    Its interval counts a resample in which success does not fall with the error, and which so has
+    no such error, as the farthest.
+    """
     x, (low, high) = fit.x_at(level), np.log10((errors.min(), errors.max())).tolist()
-    if fit.slope >= 0 or not low <= x <= high:
+    if fit.slope >= 0 or not low <= x <= high or not fits:
         return None
-    found = np.clip([one.x_at(level) for one in fits if one.slope < 0], -_FARTHEST, _FARTHEST)
+    found = np.clip(
+        [one.x_at(level) if one.slope < 0 else _FARTHEST for one in fits], -_FARTHEST, _FARTHEST
+    )
     low, high = (10 ** np.quantile(found, (0.025, 0.975))).tolist()
     return Estimate(value=10.0**x, ci95=(low, high))
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from albot_agents.benchmark.folder import CellResults
 from albot_agents.benchmark.homing_curve import HomingCurve, fit_curve
-from albot_agents.benchmark.mappers import MapperRow, home_radius, make_mapper_table
+from albot_agents.benchmark.mappers import (
+    WORLDS,
+    MapperRow,
+    home_radius,
+    make_mapper_table,
+)
+from albot_agents.benchmark.markdown import FEWEST, paragraph, written
 from albot_agents.benchmark.protocol import Protocol
-from albot_agents.benchmark.table import Estimate
+from albot_agents.registry import BY_MAP
 from albot_core.mappers.registry import NO_MAPPER
 
 _ENOUGH = 0.9
@@ -39,8 +44,6 @@ _EXPLANATION = (
     "of all scans as the mapper laid them while exploring, less that of the same scans at the true "
     "poses. In brackets: 95 % intervals."
 )
-_WIDTH = 100
-"""Width of the explanation's lines."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,8 @@ class MapperReport:
     """The curve of each driver that has one."""
     costs: Mapping[str, float] = field(default_factory=dict)
     """Cost a reading of mappers, in costs of `odometry`."""
+    asked: int = 0
+    """Number of episodes that the protocol asks for in a row."""
 
     @classmethod
     def of(
@@ -64,7 +69,8 @@ class MapperReport:
         drivers = dict.fromkeys(row.driver for row in rows)
         fits = {driver: fit_curve(results, driver) for driver in drivers}
         curves = {driver: fit for driver, fit in fits.items() if fit is not None}
-        return cls(rows=rows, curves=curves, costs=costs)
+        asked = len(protocol.keys(BY_MAP, WORLDS))
+        return cls(rows=rows, curves=curves, costs=costs, asked=asked)
 
     @property
     def drivers(self) -> list[str]:
@@ -73,12 +79,18 @@ class MapperReport:
 
 
 def sentences(report: MapperReport) -> list[str]:
-    """Return what the first driver's figures show, a sentence each, as far as they are known."""
+    """Return what the first driver's figures show, a sentence each, as far as they are known.
+
+    Rows with fewer than `FEWEST` episodes are not spoken of.
+    """
     if not report.rows:
         return []
     driver, curve = report.drivers[0], report.curves.get(report.drivers[0])
+    rows = [row for row in report.rows if row.driver == driver and row.episodes >= FEWEST]
+    if not rows:
+        return []
     found = [] if curve is None or not curve.levels else [_need(driver, curve)]
-    found.append(_reached(report, driver))
+    found += _reached(rows, report.costs)
     if curve is not None and curve.failures:
         radius = home_radius()
         text = f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with "
@@ -99,32 +111,30 @@ def _need(driver: str, curve: HomingCurve) -> str:
     return "".join([text, *(f", and in {some} when it is {off} off" for some, off in others), "."])
 
 
-def _reached(report: MapperReport, driver: str) -> str:
-    """Return which mappers bring the driver home, with the first odometer."""
-    odometer = next(row.odometer for row in report.rows if row.driver == driver)
+def _reached(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[str]:
+    """Yield which mappers bring the driver home, with the first odometer of its rows."""
+    odometer = rows[0].odometer
     rates = {
-        row.mapper: row.figures["success_rate"].value
-        for row in report.rows
-        if (row.driver, row.odometer) == (driver, odometer)
+        row.mapper: row.figures["success_rate"].value for row in rows if row.odometer == odometer
     }
     without = rates.pop(NO_MAPPER, None)
+    if not rates:
+        return
     good = sorted((name for name in rates if rates[name] >= _ENOUGH), key=lambda name: -rates[name])
     text = f"With the odometer `{odometer}`, {len(good)} of {len(rates)} mappers bring it home in "
     text += f"{_ENOUGH:.0%} or more"
     if good:
         text += f" ({', '.join(f'`{name}`' for name in good)}"
-        priced = [name for name in good if name in report.costs]
+        priced = [name for name in good if name in costs]
         if priced:
-            cheap = min(priced, key=lambda name: report.costs[name])
-            text += (
-                f"; `{cheap}` is the cheapest of them, at {_times(report.costs[cheap])} times the "
-            )
+            cheap = min(priced, key=lambda name: costs[name])
+            text += f"; `{cheap}` is the cheapest of them, at {_times(costs[cheap])} times the "
             text += "cost of `odometry`"
         text += ")"
-    elif rates:
+    else:
         best = max(rates, key=lambda name: rates[name])
         text += f"; the best, `{best}`, does in {rates[best]:.0%}"
-    return text + ("." if without is None else f"; without a mapper it is {without:.0%}.")
+    yield text + ("." if without is None else f"; without a mapper it is {without:.0%}.")
 
 
 def _times(cost: float) -> str:
@@ -142,20 +152,20 @@ def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator
     if not report.rows:
         return
     yield "## Mappers"
-    yield ""
-    yield from sentences(report)
+    if said := sentences(report):
+        yield ""
+        yield from said
     if picture is not None and report.drivers[0] in report.curves:
         yield ""
         yield f"![success in coming home against what the map was like]({picture})"
-    yield ""
-    yield from textwrap.wrap(_EXPLANATION, _WIDTH, break_long_words=False, break_on_hyphens=False)
+    yield from paragraph(_EXPLANATION)
     for driver in report.drivers:
         rows = [row for row in report.rows if row.driver == driver]
         for odometer in dict.fromkeys(row.odometer for row in rows):
             yield ""
             yield f"Driver `{driver}`, odometer `{odometer}`:"
             yield ""
-            yield from _table([row for row in rows if row.odometer == odometer], report.costs)
+            yield from _table(report, [row for row in rows if row.odometer == odometer])
 
 
 def mapper_data(report: MapperReport) -> dict[str, Any]:
@@ -179,7 +189,8 @@ def mapper_data(report: MapperReport) -> dict[str, Any]:
     }
 
 
-def _table(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[str]:
+def _table(report: MapperReport, rows: Sequence[MapperRow]) -> Iterator[str]:
+    costs = report.costs
     names = [name for name in _COLUMNS if any(name in row.figures for row in rows)]
     titles = [_COLUMNS[name][0] for name in names]
     if priced := any(row.mapper in costs for row in rows):
@@ -187,14 +198,16 @@ def _table(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[st
     yield f"| mapper | {' | '.join(titles)} | episodes |"
     yield "|---" * (len(titles) + 2) + "|"
     for row in rows:
-        cells = [_written(row.figures.get(name), _COLUMNS[name][1]) for name in names]
+        # One episode is not resampled; rates have Wilson's interval.
+        cells = [
+            written(
+                row.figures.get(name),
+                _COLUMNS[name][1],
+                interval=row.episodes > 1 or name.endswith("_rate"),
+            )
+            for name in names
+        ]
         if priced:
             cells.append(_times(costs[row.mapper]) if row.mapper in costs else "–")
-        yield f"| `{row.mapper}` | {' | '.join(cells)} | {row.episodes} |"
-
-
-def _written(estimate: Estimate | None, form: str) -> str:
-    if estimate is None:
-        return "–"
-    low, high = map(form.format, estimate.ci95)
-    return f"{form.format(estimate.value)} ({low}{' to ' if '+' in form else '–'}{high})"
+        number = f"{row.episodes}" if row.episodes >= report.asked else f"**{row.episodes}**"
+        yield f"| `{row.mapper}` | {' | '.join(cells)} | {number} |"

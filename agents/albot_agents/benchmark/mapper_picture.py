@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from albot_agents.benchmark.homing_curve import HomingCurve
+from albot_agents.benchmark.homing_curve import LEAST, HomingCurve
 from albot_agents.benchmark.mappers import MapperRow, home_radius
 from albot_agents.benchmark.table import Estimate
 from albot_core.drawing.palette import FAINT, RULE, SERIES, TEXT
+from albot_core.mappers.registry import NO_MAPPER
 
 _MARKERS = "os^DvP"
 """Markers of the odometers."""
@@ -29,10 +30,9 @@ def mappers_figure(
     """Return the picture of one driver: its success against what the maps were like.
 
     Each point is a mapper with an odometer, with 95 % intervals, without the episodes in which the
-    robot was carried. The first panel shows the error of
-    home (m) when the return begins, the fit to all single episodes, and their success in bins; the
-    others show how blurred the map is after exploring, and what a reading costs, in costs of
-    `odometry`, as far as these are known.
+    robot was carried. The first panel shows the error of home (m) when the return begins, the fit
+    to all single episodes, and their success in bins; the others show how blurred the map is after
+    exploring, and what a reading costs, in costs of `odometry`, as far as these are known.
 
     Args:
         rows: The rows of the driver.
@@ -41,7 +41,11 @@ def mappers_figure(
     """
     blurred = any("blur" in row.figures for row in rows)
     priced = any(row.mapper in costs for row in rows)
-    rows = [row for row in rows if "uncarried_rate" in row.figures]
+    # No mapper is drawn last: its hollow points lie about those of `odometry`.
+    rows = sorted(
+        (row for row in rows if "uncarried_rate" in row.figures),
+        key=lambda row: row.mapper == NO_MAPPER,
+    )
     widths = [1.7, *[1.0] * (blurred + priced)]
     figure = Figure(figsize=(3.2 * sum(widths) + 1.6, 4.6), layout="constrained")
     panels = figure.subplots(1, len(widths), sharey=True, width_ratios=widths, squeeze=False)[0]
@@ -76,9 +80,18 @@ def _draw_errors(axes: Axes, rows: Sequence[MapperRow], curve: HomingCurve) -> N
     for row in rows:
         error = row.figures.get("home_error_begin")
         if error is not None:
-            _draw_point(axes, rows, row, error)
+            _draw_point(axes, rows, row, _floored(error))
     _use_log_scale(axes)
+    axes.xaxis.set_major_formatter(
+        FuncFormatter(lambda error, _: f"{'≤ ' if np.isclose(error, LEAST) else ''}{error:g}")
+    )
     axes.set_xlabel("error of home when the return begins, median (m)")
+
+
+def _floored(error: Estimate) -> Estimate:
+    """Return an error no smaller than the smallest that the curve tells apart."""
+    low, high = error.ci95
+    return Estimate(value=max(error.value, LEAST), ci95=(max(low, LEAST), max(high, LEAST)))
 
 
 def _draw_blur(axes: Axes, rows: Sequence[MapperRow]) -> None:
@@ -125,17 +138,21 @@ def _spread(estimate: Estimate) -> Any:
 
 
 def _style(rows: Sequence[MapperRow], mapper: str, odometer: str) -> dict[str, Any]:
-    """Return the style of a point: colour and fill tell the mapper, the marker the odometer."""
+    """Return the style of a point: colour and fill tell the mapper, the marker the odometer.
+
+    Points without a mapper are hollow and larger.
+    """
     mappers, odometers = _names(rows)
-    number = mappers.index(mapper)
-    return {
-        "color": SERIES[number % len(SERIES)],
-        "fillstyle": _FILLS[number // len(SERIES) % len(_FILLS)],
-        "markerfacecoloralt": "none",
-        "marker": _MARKERS[odometers.index(odometer) % len(_MARKERS)],
-        "linestyle": "none",
-        "markersize": 6,
-    }
+    style: dict[str, Any] = {
+        "color": TEXT, "fillstyle": "none", "markerfacecoloralt": "none", "linestyle": "none",
+        "marker": _MARKERS[odometers.index(odometer) % len(_MARKERS)], "markersize": 8,
+    }  # fmt: skip
+    if mapper != NO_MAPPER:
+        number = mappers.index(mapper)
+        style["color"] = SERIES[number % len(SERIES)]
+        style["fillstyle"] = _FILLS[number // len(SERIES) % len(_FILLS)]
+        style["markersize"] = 6
+    return style
 
 
 def _names(rows: Sequence[MapperRow]) -> tuple[list[str], list[str]]:

@@ -12,9 +12,13 @@ from albot_agents.benchmark.cell import Cell, EpisodeResult
 from albot_agents.benchmark.folder import CellResults
 from albot_agents.benchmark.protocol import Protocol
 from albot_agents.evaluation.paired import episode_figures
-from albot_agents.evaluation.trial import HORIZON
+from albot_agents.evaluation.summary import far_episodes
 from albot_core.errors import InputError
-from albot_core.evaluation.intervals import bootstrap_cluster_ratios, wilson
+from albot_core.evaluation.intervals import (
+    bootstrap_cluster_ratios,
+    wilson,
+    wilson_clusters,
+)
 
 _SEED = 0
 """Seed of the bootstrap."""
@@ -55,6 +59,8 @@ class Figure:
     """The denominator."""
 
 
+_OF_COUNTS = ("precision", "recall")
+"""Figures that are shares of counted places or claims."""
 _RIGHT, _FALSE = ("right_known", "right_claims"), ("false_known", "false_claims")
 
 FIGURES: Mapping[str, Figure] = {
@@ -180,17 +186,18 @@ def _without_agent(cell: Cell) -> tuple[str, str, str]:
 def estimate(episodes: Sequence[EpisodeResult]) -> dict[str, Estimate]:
     """Return the figures of a cell, as far as its task measures them.
 
-    Intervals are Wilson's for rates of success. Others are bootstrapped: worlds are drawn with all
-    of their episodes, or episodes where there is one world. A ratio to nothing, such as the
-    precision without a claim, is left out, and so is the coverage over 200 m if no episode drove
-    as far.
+    Intervals are Wilson's for rates of success (`wilson_clusters`). Others are bootstrapped: worlds
+    are drawn with all of their episodes, or episodes where there is one world. Where precision or
+    recall is 0 or 1, all resamples say the same, and Wilson's of the counts stands. A ratio to
+    nothing, such as the precision without a claim, is left out, and so is the coverage over 200 m
+    if no episode drove as far.
     """
     tops, bottoms, names = [], [], []
     for name, figure in FIGURES.items():
         pairs = [(figure.value(one), figure.of(one)) for one in episodes]
         known = [(0.0, 0.0) if None in pair else pair for pair in pairs]
         top, bottom = np.array(known, np.float64).T
-        if bottom.sum() > 0 and (name != "coverage_auc" or _far(episodes)):
+        if bottom.sum() > 0 and (name != "coverage_auc" or far_episodes(episodes)):
             names.append(name)
             tops.append(top)
             bottoms.append(bottom)
@@ -200,6 +207,8 @@ def estimate(episodes: Sequence[EpisodeResult]) -> dict[str, Estimate]:
     found = {}
     for name, top, bottom, interval in zip(names, tops, bottoms, intervals, strict=True):
         if name == "success_rate":
+            interval = wilson_clusters(top > 0, _clusters(episodes))
+        elif name in _OF_COUNTS and top.sum() in (0, bottom.sum()):
             interval = wilson(int(top.sum()), int(bottom.sum()))
         assert interval is not None, name
         found[name] = Estimate(value=float(top.sum() / bottom.sum()), ci95=interval)
@@ -210,11 +219,6 @@ def _clusters(episodes: Sequence[EpisodeResult]) -> list[str | int]:
     """Return what is drawn for an interval: worlds, or episodes if all are in one world."""
     worlds = [one.world for one in episodes]
     return [*worlds] if len(set(worlds)) > 1 else [one.seed for one in episodes]
-
-
-def _far(episodes: Sequence[EpisodeResult]) -> bool:
-    """Return whether any episode drove the distance over which coverage is measured."""
-    return any(one.driven >= HORIZON for one in episodes)
 
 
 def compare(

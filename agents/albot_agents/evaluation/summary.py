@@ -74,7 +74,7 @@ def _figures(outcomes: Sequence[MeasuredEpisode]) -> dict[str, Any]:
         "mean_way_m": driven / len(outcomes) if outcomes else None,
         "mean_coverage": _mean([end.get("coverage") for end in ends]),
         "coverage_auc": _mean(_areas(outcomes)),
-        "coverage_episodes": _far(outcomes),
+        "coverage_episodes": far_episodes(outcomes),
         "rooms_share": _mean(_rooms(outcomes)),
         "rooms_share_median": _median(_rooms(outcomes)),
         "mean_position_error_m": _mean([end["position_error"] for end in ends]),
@@ -86,12 +86,12 @@ def _figures(outcomes: Sequence[MeasuredEpisode]) -> dict[str, Any]:
 
 def _areas(outcomes: Sequence[MeasuredEpisode]) -> list[float]:
     """Return the area under each coverage curve; none if no episode drove as far."""
-    if not _far(outcomes):
+    if not far_episodes(outcomes):
         return []
     return [each.coverage_auc for each in outcomes if each.coverage_auc is not None]
 
 
-def _far(outcomes: Sequence[MeasuredEpisode]) -> int:
+def far_episodes(outcomes: Sequence[MeasuredEpisode]) -> int:
     """Return the number of episodes with a coverage curve that drove all of it."""
     return sum(each.driven >= HORIZON for each in outcomes if each.coverage_auc is not None)
 

@@ -66,4 +66,4 @@ class DecisionStump(PlaceJudge):
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {"agreed": 1.0}
     ENOUGH: ClassVar[float] = 0.3
-    """Least feature of an arrival at the current place: 65 % of the panoramas agrees."""
+    """Least feature of an arrival at the current place: at least 65 % of the panoramas agrees."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.stats import binomtest
+from jaxtyping import Bool, Float64
+from scipy.stats import norm, t
 
 from albot_core.errors import InputError
 
@@ -21,8 +21,39 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     """
     if not 0 <= successes <= trials or trials == 0:
         raise InputError("wilson", "successes out of at least one trial", f"{successes}/{trials}")
-    interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
-    return float(interval.low), float(interval.high)
+    return _score_interval(successes / trials, float(trials))
+
+
+def wilson_clusters(
+    successes: Bool[np.ndarray, "n"], clusters: Sequence[Hashable]
+) -> tuple[float, float]:
+    """Return the 95 % score interval of a probability from trials that come in clusters.
+
+    It is Wilson's of fewer trials: their number is divided by the design effect, the variance of
+    the share between clusters over that of independent trials, but not by less than 1 (Rao and
+    Scott, Biometrics 48, 1992). As few clusters tell that variance roughly, the effect is enlarged
+    by the square of Student's quantile over the normal one (Korn and Graubard, Survey Methodology
+    24, 1998). If all trials are in one cluster, or each in its own, it is `wilson`'s.
+
+    Args:
+        successes: Whether each trial was a success.
+        clusters: The cluster of each, such as the world of an episode.
+
+    Raises:
+        InputError: There are no trials.
+    """
+    trials = len(successes)
+    numbers = {cluster: k for k, cluster in enumerate(dict.fromkeys(clusters))}
+    if not 1 < len(numbers) < trials or successes.all() or not successes.any():
+        return wilson(int(successes.sum()), trials)
+    of = np.array([numbers[cluster] for cluster in clusters], np.int64)
+    share, count = float(successes.mean()), len(numbers)
+    # Rao and Scott 1992, section 2: the variance of a ratio of sums over clusters.
+    residuals = np.bincount(of, successes - share)
+    variance = count / (count - 1) * float((residuals**2).sum()) / trials**2
+    effect = variance * trials / (share * (1 - share))
+    effect *= float(t.ppf(0.975, count - 1) / norm.ppf(0.975)) ** 2
+    return _score_interval(share, trials / max(1.0, effect))
 
 
 def bootstrap(
@@ -122,6 +153,18 @@ def bootstrap_cluster_ratios(
         counts = bottom > 0
         intervals.append(_percentiles(top[counts] / bottom[counts]) if counts.any() else None)
     return intervals
+
+
+def _score_interval(share: float, trials: float) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share of trials, whose number need not be whole."""
+    square = float(norm.ppf(0.975)) ** 2 / trials
+    middle = (share + square / 2) / (1 + square)
+    half = np.sqrt(square * (share * (1 - share) + square / 4)) / (1 + square)
+    # The ends are exact where rounding would miss them.
+    return (
+        float(middle - half) if share > 0 else 0.0,
+        float(middle + half) if share < 1 else 1.0,
+    )
 
 
 def _resampled(

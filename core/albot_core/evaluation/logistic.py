@@ -21,6 +21,8 @@ _STEP = 2.0
 """Largest change of a coefficient in a step."""
 _CLOSE = 1e-8
 """Change of the coefficients below which they count as found."""
+_ROUNDING = 1e-12
+"""Relative error of the likelihood."""
 _RESAMPLES = 1000
 
 
@@ -50,6 +52,8 @@ def fit_logistic(
 ) -> Logistic:
     """Fit the probability of success by Firth's penalised likelihood.
 
+    Of several maxima, which a far x can make, it is the one uphill from equal chances for all.
+
     Args:
         x: The numbers.
         success: Whether each was a success.
@@ -66,17 +70,27 @@ def fit_logistic(
     centre, scale = float(x.mean()), float(x.std())
     columns = np.stack((np.ones(len(x)), (x - centre) / scale), axis=-1)
     found = np.zeros(2)
+    now = _likelihood(columns, success, weights, found)
     for _ in range(_ROUNDS):
         chances = _sigmoid(columns @ found)
-        spread = weights * chances * (1 - chances)
-        information = (columns * spread[:, None]).T @ columns
+        variances = chances * (1 - chances)
+        information = (columns * (weights * variances)[:, None]).T @ columns
         inverse = np.linalg.inv(information)
-        leverages = spread * np.einsum("ij,jk,ik->i", columns, inverse, columns)
-        # Firth 1993, eq. (3.1) for a logistic model: the score with h (1/2 - p) added.
+        leverages = weights * variances * np.einsum("ij,jk,ik->i", columns, inverse, columns)
+        # Firth 1993, eq. (3.1) for a logistic model: the score with h (1/2 - p) added. It is that
+        # of data with h / 2 more successes and failures each, whose Newton step is taken.
         score = columns.T @ (weights * (success - chances) + leverages * (0.5 - chances))
-        step = inverse @ score
+        augmented = (weights + leverages) * variances
+        step = np.linalg.solve((columns * augmented[:, None]).T @ columns, score)
         step *= min(1.0, _STEP / max(float(np.abs(step).max()), 1e-300))
-        found = found + step
+        after = now
+        # Half the step until it is no step down; the tolerance is that of rounding.
+        while np.abs(step).max() >= _CLOSE and not (
+            (after := _likelihood(columns, success, weights, found + step))
+            >= now - _ROUNDING * abs(now)
+        ):
+            step = step / 2
+        found, now = found + step, after
         if np.abs(step).max() < _CLOSE:
             break
     slope = float(found[1] / scale)
@@ -109,6 +123,20 @@ def bootstrap_logistic(
         if len(np.unique(x[weights > 0])) > 1:
             fits.append(fit_logistic(x, success, weights))
     return fits
+
+
+def _likelihood(
+    columns: Float64[np.ndarray, "n 2"],
+    success: Bool[np.ndarray, "n"],
+    weights: Float64[np.ndarray, "n"],
+    found: Float64[np.ndarray, "2"],
+) -> float:
+    """Return the logarithm of Firth's penalised likelihood (Firth 1993, section 3)."""
+    logits = columns @ found
+    chances = _sigmoid(logits)
+    information = (columns * (weights * chances * (1 - chances))[:, None]).T @ columns
+    own = -(weights * np.logaddexp(0.0, np.where(success, -logits, logits))).sum()
+    return float(own + 0.5 * np.linalg.slogdet(information)[1])
 
 
 def _sigmoid(logit: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:

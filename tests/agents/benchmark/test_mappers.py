@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.folder import CellResults
-from albot_agents.benchmark.homing_curve import HomingCurve, fit_curve
+from albot_agents.benchmark.homing_curve import LEAST, HomingCurve, fit_curve
 from albot_agents.benchmark.mapper_page import MapperReport, mapper_section, sentences
 from albot_agents.benchmark.mapper_picture import mappers_figure
 from albot_agents.benchmark.mappers import (
@@ -23,10 +23,12 @@ from albot_agents.benchmark.mappers import (
     suits,
 )
 from albot_agents.registry import BY_MAP, EXPLORE, HOMING, PLACES, find_agent
-from albot_core.drawing.palette import SERIES
+from albot_core.drawing.palette import SERIES, TEXT
+from albot_core.evaluation.logistic import Logistic
 from albot_core.mappers.registry import installed_mappers
 from tests.agents.benchmark.episodes import PROTOCOL, results
 
+HOMING_CURVE = "albot_agents.benchmark.homing_curve"
 ERRORS = {"albot1": 0.1, "odometry": 4.0, "none": 4.0, "ratslam": 1.0}
 """Median error of home of each mapper (m)."""
 
@@ -175,7 +177,45 @@ def test_an_error_that_was_never_measured_is_not_told() -> None:
     assert 0.5 not in curve.levels
 
 
-def test_the_sentences_say_what_the_figures_are(measured: list[CellResults]) -> None:
+def test_few_episodes_are_not_spoken_of(measured: list[CellResults]) -> None:
+    report = _report(measured)
+    assert all(row.episodes == 10 for row in report.rows)
+    assert sentences(report) == []
+    rows = [replace(row, episodes=20) for row in report.rows]
+    assert len(sentences(replace(report, rows=rows))) == 3
+    some = [rows[0], *report.rows[1:3], rows[3]]  # Only `none` and `ratslam` have enough.
+    assert "0 of 1 mappers bring it home" in " ".join(sentences(replace(report, rows=some)))
+
+
+def test_one_episode_has_no_interval_but_that_of_a_rate() -> None:
+    infos = [{"is_success": True, "spl": 1.0, "home_error_begin": 0.1, "home_error": 0.2}]
+    found = [_results(_cell(name), infos) for name in ("none", "albot1")]
+    report = MapperReport.of(found, PROTOCOL, {})
+    row = next(line for line in mapper_section(report) if line.startswith("| `albot1`"))
+    assert row == "| `albot1` | 100% (21%–100%) | 1.00 | 0.10 | 0.20 | **1** |"
+
+
+def test_resamples_without_a_level_widen_its_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    fits = [Logistic(intercept=0.0, slope=-1.0)] * 90 + [Logistic(intercept=0.0, slope=0.5)] * 10
+    monkeypatch.setattr(f"{HOMING_CURVE}.bootstrap_logistic", lambda *_: fits)
+    found = [_homing("albot1", 9, 0.1), _homing("odometry", 1, 10.0)]
+    curve = fit_curve(found, "map-homing")
+    assert curve is not None
+    assert curve.levels[0.5].ci95 == pytest.approx((1.0, 1000.0))
+    monkeypatch.setattr(f"{HOMING_CURVE}.bootstrap_logistic", lambda *_: fits[90:])
+    always = fit_curve(found, "map-homing")
+    assert always is not None
+    assert always.levels[0.5].ci95 == pytest.approx((1000.0, 1000.0))
+    monkeypatch.setattr(f"{HOMING_CURVE}.bootstrap_logistic", lambda *_: [])
+    none = fit_curve(found, "map-homing")
+    assert none is not None
+    assert not none.levels
+
+
+def test_the_sentences_say_what_the_figures_are(
+    measured: list[CellResults], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("albot_agents.benchmark.mapper_page.FEWEST", 10)
     report = _report(measured, albot1=2.04, odometry=1.0)
     curve = report.curves["map-homing"]
     need, reached, failed = sentences(report)
@@ -241,7 +281,8 @@ def test_the_picture_has_a_point_for_each_row_at_its_figures(measured: list[Cell
     }
     assert points == {
         (row.figures["home_error_begin"].value, row.figures["uncarried_rate"].value,
-         SERIES[["none", "albot1", "odometry", "ratslam"].index(row.mapper)])
+         TEXT if row.mapper == "none"
+         else SERIES[["albot1", "odometry", "ratslam"].index(row.mapper)])
         for row in report.rows
     }  # fmt: skip
     assert len([line for line in blur.get_lines() if line.get_marker() == "o"]) == 1
@@ -251,6 +292,25 @@ def test_the_picture_has_a_point_for_each_row_at_its_figures(measured: list[Cell
     ]
     bare = mappers_figure(report.rows[2:3], curve, {})
     assert len(bare.axes) == 1
+
+
+def test_errors_that_the_curve_does_not_tell_apart_are_drawn_as_one() -> None:
+    found = [_homing("albot1", 10, 1e-7), _homing("odometry", 3, 4.0), _homing("none", 3, 4.0)]
+    report = _report(found)
+    (axes,) = mappers_figure(report.rows, report.curves["map-homing"], {}).axes
+    points = [line for line in axes.get_lines() if line.get_marker() == "o"]
+    assert _first(points[0])[0] == LEAST
+    drawn = [
+        np.asarray(part.vertices, np.float64)[:, 0]
+        for each in axes.collections
+        for part in each.get_paths()
+    ]
+    assert np.concatenate(drawn).min() == pytest.approx(LEAST)
+    ticks = axes.xaxis.get_major_formatter()
+    assert [ticks(error) for error in (0.01, 0.1, 10.0)] == ["≤ 0.01", "0.1", "10"]
+    # No mapper is drawn last, and hollow: what lies below shows.
+    assert (points[-1].get_fillstyle(), points[0].get_fillstyle()) == ("none", "full")
+    assert _first(points[-1])[0] == pytest.approx(_first(points[-2])[0])
 
 
 def test_each_mapper_has_a_style_of_its_own() -> None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.folder import CellResults
+from albot_agents.benchmark.mapper_page import MapperReport
 from albot_agents.benchmark.page import Report, page_data, render_lines, render_page
 from albot_agents.benchmark.protocol import find_protocol
 from albot_agents.benchmark.table import make_table
+from albot_agents.registry import BY_MAP
 from tests.agents.benchmark.episodes import cell, results
+from tests.conftest import ROOT
 
 PROTOCOL = find_protocol()
 MINE: dict[str, Any] = {
@@ -59,6 +64,41 @@ def test_it_says_which_cells_have_too_few_episodes() -> None:
     assert "**Not complete:** 1 of 2 cells have fewer episodes" in short
     assert "the smallest has 3." in " ".join(short.split())
     assert "Not complete" not in render_page(report(results(cell(), 100)))
+    plans = cell(worlds="plans")
+    page = render_page(report(results(plans, 100)))
+    assert "than the 112 that the protocol asks for, the smallest has 100." in " ".join(
+        page.split()
+    )
+    assert lines(page, "| `albot1-homing`")[0].endswith("| **100** |")
+    assert "Not complete" not in render_page(report(results(plans, 112)))
+
+
+def test_cells_of_mappers_count_among_the_incomplete() -> None:
+    by_map = {"task": BY_MAP, "agent": "map-homing", "odometer": "pioneer", "worlds": "offices"}
+    found = [results(Cell(**by_map, mapper=name), 3) for name in ("none", "albot1")]
+    alone = Report(
+        protocol=PROTOCOL, rows=[], agents={}, mappers=MapperReport.of(found, PROTOCOL, {})
+    )
+    page = render_page(alone)
+    assert "**Not complete:** 2 of 2 cells have fewer" in page
+    assert "## Agents" not in page
+    (row,) = lines(page, "| `albot1`")
+    assert row.endswith("| **3** |")
+    assert "bring it home" not in page
+
+
+def test_only_what_lies_beside_the_page_is_linked(tmp_path: Path) -> None:
+    some = report(results(cell("homing"), 2), homing=MINE)
+    for page in (render_page(some), render_page(some, tmp_path)):
+        assert "](" not in page
+        assert "(benchmark.md)" in page
+    docs = render_page(some, ROOT / "docs")
+    for link in (
+        "[benchmark.md](benchmark.md)",
+        "[environments.md](environments.md)",
+        "[`homing`](../agents/albot_agents/trained/homing.md)",
+    ):
+        assert link in docs
 
 
 def test_all_figures_stand_with_their_intervals_and_differences() -> None:
@@ -101,15 +141,22 @@ def test_the_best_agent_is_told_where_all_worlds_are_measured() -> None:
 
     said = "In homing, `homing` (albot1) is first: its mean SPL over the 7 kinds of worlds is 0.75,"
     end = "that of `albot1-homing` (albot1) 0.50"
-    page = " ".join(render_page(report(*measured(100))).split())
+    whole = measured(200)  # As many as the protocol asks for.
+    page = " ".join(render_page(report(*whole)).split())
     assert f"{said} {end}." in page
     page = " ".join(render_page(report(*measured(20))).split())
-    assert f"{said} {end}, by 20 episodes in each." in page
+    assert f"{said} {end}, by at least 20 episodes in each." in page
     assert "is first" not in render_page(report(*measured(20)[:-3]))
     assert "is first" not in render_page(report(*measured(19)))
     # One that was measured in fewer episodes is not set beside the others.
     luckier = [results(cell("random", worlds=kind), 1, 0.9) for kind in kinds]
     assert said in " ".join(render_page(report(*measured(20), *luckier)).split())
+    # Nor does one that was measured in one kind alone silence the sentence, or the upper bound.
+    alone = results(cell("random", worlds="plans"), 112, 0.9)
+    assert said in " ".join(render_page(report(*measured(20), alone)).split())
+    others = [found for found in measured(20) if found.cell.agent != "oracle"]
+    bound = [results(cell("oracle", worlds=kind), 40, 1.0) for kind in kinds]
+    assert said in " ".join(render_page(report(*others, *bound)).split())
 
 
 def test_one_episode_has_no_interval_but_that_of_a_rate() -> None:

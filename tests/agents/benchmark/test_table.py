@@ -81,6 +81,26 @@ def test_episodes_in_few_worlds_say_less_than_in_many() -> None:
     assert np.ptp(wide.ci95) > 2 * np.ptp(narrow.ci95)
 
 
+def test_a_rate_of_few_worlds_is_told_as_less_certain() -> None:
+    many = [
+        changed(one, {"is_success": k < 24}) for k, one in enumerate(results(cell(), 40).episodes)
+    ]
+    few = [replace(one, world=f"plan {k // 8}") for k, one in enumerate(many)]
+    wide, narrow = (estimate(each)["success_rate"].ci95 for each in (few, many))
+    assert narrow == wilson(24, 40)
+    assert np.ptp(wide) > 1.5 * np.ptp(narrow)
+
+
+def test_counts_that_are_all_right_are_not_certain() -> None:
+    right = {"right_claims": 3, "false_claims": 0, "re_entries": 3}
+    found = estimate([changed(one, right) for one in results(cell(), 4).episodes])
+    assert found["precision"].ci95 == found["recall"].ci95 == wilson(12, 12)
+    never = {"right_claims": 0, "false_claims": 1, "re_entries": 3}
+    found = estimate([changed(one, never) for one in results(cell(), 4).episodes])
+    assert found["precision"].ci95 == wilson(0, 4)
+    assert found["recall"].ci95 == wilson(0, 12)
+
+
 def test_episodes_in_one_world_are_drawn_one_by_one() -> None:
     probe = cell(task="Albot/Probe-Detour-v0", worlds="scene")
     episodes = [

@@ -12,6 +12,7 @@ from albot_core.evaluation.intervals import (
     bootstrap_clusters,
     bootstrap_ratio,
     wilson,
+    wilson_clusters,
 )
 
 
@@ -41,6 +42,45 @@ def test_all_or_nothing_is_not_certainty() -> None:
 def test_what_is_no_share_is_refused(successes: int, trials: int) -> None:
     with pytest.raises(InputError, match="wilson"):
         wilson(successes, trials)
+
+
+@pytest.mark.parametrize("mean", [0.5, 0.8, 0.9])
+@pytest.mark.parametrize("likeness", [0.1, 0.3])
+def test_trials_in_clusters_are_covered_as_promised(mean: float, likeness: float) -> None:
+    """Of 14 worlds with 8 alike episodes each; Wilson's own interval covers 70 to 90 %."""
+    rng = np.random.default_rng(3)
+    alpha = 1 / likeness - 1  # Beta-binomial successes with this correlation within a world.
+    worlds = np.repeat(np.arange(14), 8)
+    covered, plain = np.zeros(400), np.zeros(400)
+    for k in range(400):
+        chances = rng.beta(mean * alpha, (1 - mean) * alpha, 14)
+        successes = rng.random(112) < chances[worlds]
+        low, high = wilson_clusters(successes, worlds.tolist())
+        covered[k] = low <= mean <= high
+        low, high = wilson(int(successes.sum()), 112)
+        plain[k] = low <= mean <= high
+    assert covered.mean() > 0.92
+    assert plain.mean() < 0.91
+
+
+def test_clusters_that_are_all_alike_count_once() -> None:
+    """Each world a copy of one episode: as many trials as worlds, but for Student's quantile."""
+    one = np.arange(400) % 4 > 0
+    found = wilson_clusters(np.repeat(one, 8), np.repeat(np.arange(400), 8).tolist())
+    assert found == pytest.approx(wilson(300, 400), abs=1e-3)
+
+
+def test_trials_without_shared_clusters_are_wilsons() -> None:
+    some = np.arange(20) % 3 > 0
+    wanted = wilson(int(some.sum()), 20)
+    assert wilson_clusters(some, range(20)) == wanted
+    assert wilson_clusters(some, [0] * 20) == wanted
+    # Clusters with the same share each are no reason for a narrower interval.
+    even = np.tile((True, False), 10)
+    assert wilson_clusters(even, (np.arange(20) // 2).tolist()) == wilson(10, 20)
+    assert wilson_clusters(np.ones(20, np.bool_), (np.arange(20) // 2).tolist()) == wilson(20, 20)
+    with pytest.raises(InputError, match="wilson"):
+        wilson_clusters(some[:0], [])
 
 
 def test_a_bootstrapped_mean_has_the_width_of_the_normal_one() -> None:

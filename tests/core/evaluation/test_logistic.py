@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
@@ -20,6 +20,78 @@ def test_two_groups_have_the_closed_form_of_firth() -> None:
     first, second = np.log(9.5 / 3.5), np.log(5.5 / 15.5)
     assert found.intercept == pytest.approx(first, abs=1e-6)
     assert found.slope == pytest.approx(second - first, abs=1e-6)
+
+
+def _penalised(
+    two: np.ndarray, x: np.ndarray, success: np.ndarray, weights: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Firth's penalised likelihood and its score, written out."""
+    columns = np.stack((np.ones(len(x)), x), -1)
+    logits = columns @ two
+    p = 1 / (1 + np.exp(-logits))
+    information = sum(
+        w * each * (1 - each) * np.outer(c, c)
+        for w, each, c in zip(weights, p, columns, strict=True)
+    )
+    own = sum(
+        w * -np.logaddexp(0, -z if s else z)
+        for w, z, s in zip(weights, logits, success, strict=True)
+    )
+    sign, log_determinant = np.linalg.slogdet(information)
+    inverse = np.linalg.inv(information)
+    score = sum(
+        (w * (s - each) + w * each * (1 - each) * (c @ inverse @ c) * (0.5 - each)) * c
+        for w, each, c, s in zip(weights, p, columns, success, strict=True)
+    )
+    return (own + 0.5 * log_determinant if sign > 0 else -np.inf), score
+
+
+def test_an_outlier_among_equal_successes() -> None:
+    """One far x: a step of the plain information overshoots it and never settles."""
+    x = np.array([-2.0] * 12 + [3.0])
+    found = fit_logistic(x, np.arange(13) < 10)
+    # As two groups, each with half a success and half a failure more.
+    first, second = np.log(10.5 / 2.5), np.log(0.5 / 1.5)
+    assert found.slope == pytest.approx((second - first) / 5, abs=1e-6)
+    assert found.intercept == pytest.approx(second - 3 * found.slope, abs=1e-6)
+
+
+@st.composite
+def _sets(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sets of x, successes and weights: random, equal or far x, one class, separated classes."""
+    count = draw(st.integers(3, 40))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    x = rng.normal(size=count)
+    if draw(st.booleans()):
+        x = np.round(x)
+    x[0] = x[1] + draw(st.sampled_from((0.5, 5.0, 30.0)))
+    kinds = {
+        "random": rng.random(count) < rng.random(),
+        "one class": np.full(count, draw(st.booleans())),
+        "separated": x < np.median(x),
+        "outlier": np.arange(count) > 0,
+    }
+    success = kinds[draw(st.sampled_from(sorted(kinds)))]
+    weights = rng.integers(0, 4, count) if draw(st.booleans()) else np.ones(count)
+    weights[:2] = 1
+    return x, success, weights.astype(np.float64)
+
+
+@given(_sets())
+@settings(max_examples=60)
+def test_it_ends_on_a_maximum_whatever_the_data(
+    some: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:
+    x, success, weights = some
+    x = (x - x.mean()) / x.std()
+    fit = fit_logistic(x, success, weights)
+    found = np.array((fit.intercept, fit.slope))
+    highest, score = _penalised(found, x, success, weights)
+    assert np.abs(score).max() < 1e-5
+    assert highest >= _penalised(np.zeros(2), x, success, weights)[0] - 1e-9
+    for angle in np.arange(0, 2 * np.pi, np.pi / 8):
+        beside = found + 0.01 * np.array((np.cos(angle), np.sin(angle)))
+        assert _penalised(beside, x, success, weights)[0] < highest + 1e-9
 
 
 def test_it_maximises_the_penalised_likelihood() -> None:

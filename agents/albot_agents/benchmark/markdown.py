@@ -1,0 +1,37 @@
+"""Pieces of text that all sections of the page of results are made of."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+
+from albot_agents.benchmark.table import Estimate
+
+FEWEST = 20
+"""Fewest episodes of a cell from which a sentence is made of its figures."""
+_WIDTH = 100
+"""Most characters of a line of text."""
+
+
+def paragraph(text: str) -> Iterator[str]:
+    """Yield an empty line and the lines of a paragraph; nothing for an empty one."""
+    if text:
+        yield ""
+        yield from textwrap.wrap(text, _WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def written(estimate: Estimate | None, form: str, *, interval: bool = True) -> str:
+    """Return a figure with its interval; a dash if there is none.
+
+    Args:
+        estimate: The figure.
+        form: Its format; with a sign, the interval is written with `to`.
+        interval: Whether its interval is shown.
+    """
+    if estimate is None:
+        return "–"
+    text = form.format(estimate.value)
+    if interval:
+        low, high = map(form.format, estimate.ci95)
+        text += f" ({low}{' to ' if '+' in form else '–'}{high})"
+    return text
