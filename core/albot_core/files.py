@@ -7,6 +7,7 @@ import gzip
 import io
 import lzma
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -121,6 +122,8 @@ _WIDE = {
 }
 """First bytes of text in other encodings; UTF-32's begin as UTF-16's do."""
 _MARK = "\ufeff"
+_TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}", re.DOTALL)
+"""Name of a temporary file of `atomic_write`, and the one of the file that it is to replace."""
 
 
 def read_text(path: Path, largest: int = LARGEST, errors: str = "strict") -> str:
@@ -219,6 +222,12 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
             if isinstance(error, OSError) and error.filename in (None, str(beside)):
                 error.filename = str(path)  # Not the temporary file.
         raise
+
+
+def is_left_over(path: Path, suffixes: tuple[str, ...]) -> bool:
+    """Return whether a name is that of a temporary file of `atomic_write` for a name so ending."""
+    found = _TEMPORARY.fullmatch(path.name)
+    return found is not None and found[1].endswith(suffixes)
 
 
 @contextmanager

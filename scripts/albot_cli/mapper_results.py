@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,8 @@ from albot_cli.progress import progress
 from albot_core.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
+    from albot_agents.benchmark.entrant import Entrant
+    from albot_agents.benchmark.folder import ResultsFolder
     from albot_agents.benchmark.page import Report
     from albot_agents.benchmark.protocol import Protocol
     from albot_agents.benchmark.run import Row
@@ -41,10 +43,12 @@ def rows_of_mappers(
         odometers: Presets of odometer noise; none for all of the protocol.
 
     Raises:
-        InputError: A name is unknown, or nothing is left.
+        InputError: A name is unknown, or an agent has no row: it is for none of the tasks, or its
+            figures would not be shown, or no mapper suits it.
     """
+    from albot_agents.benchmark.entrant import find_entrant
     from albot_agents.benchmark.mappers import AGENTS, WORLDS, mapper_rows
-    from albot_agents.registry import find_agent
+    from albot_agents.registry import BY_MAP
     from albot_core.mappers.registry import (
         NO_MAPPER,
         check_installed,
@@ -63,8 +67,15 @@ def rows_of_mappers(
     for name in names:
         if name != NO_MAPPER:
             check_installed(mapper_spec(name))
+    entrants = {entrant.name: entrant for entrant in map(find_entrant, agents)}
     chosen = {
-        task: [name for name in agents if find_agent(name).attempts(task)] if agents else [usual]
+        task: [
+            each.source
+            for each in entrants.values()
+            if each.entry.attempts(task) and (task == BY_MAP or each.name == usual)
+        ]
+        if agents
+        else [usual]
         for task, usual in AGENTS.items()
         if not tasks or task in tasks
     }
@@ -72,21 +83,32 @@ def rows_of_mappers(
     if not rows:
         expected = "an agent for a task in which mappers are compared, which sees what they give"
         raise InputError("albot results", expected, ", ".join((*tasks, *agents, *mappers)))
+    check_all_enter(entrants.values(), rows)
     return rows
 
 
-def measure_costs(folder: Path, mappers: Sequence[str]) -> bool:
+def check_all_enter(entrants: Iterable[Entrant], rows: Sequence[Row]) -> None:
+    """Raise InputError for an agent that was asked for and has no row."""
+    entered = {row.entrant.name for row in rows}
+    for entrant in entrants:
+        if entrant.name not in entered:
+            expected = "agents that each have a row in these tasks and worlds"
+            raise InputError("--agent", expected, entrant.source)
+
+
+def measure_costs(folder: ResultsFolder, mappers: Sequence[str]) -> bool:
     """Measure the costs of those mappers that a folder lacks; return whether Ctrl-C stopped it.
 
     Raises:
-        InputError: The folder's costs are damaged, or cannot be written.
+        InputError: The folder's costs are damaged, or cannot be written, or another process writes
+            into it.
     """
     from albot_agents.benchmark.costs import add_costs, read_costs
     from albot_benchmarks.mapper import relative_cost
     from albot_cli.explored_logs import Exploration, explore
     from albot_core.mappers.registry import NO_MAPPER
 
-    known = read_costs(folder)
+    known = read_costs(folder.path)
     missing = [name for name in dict.fromkeys(mappers) if name not in (NO_MAPPER, *known)]
     if not missing:
         return False
@@ -96,7 +118,9 @@ def measure_costs(folder: Path, mappers: Sequence[str]) -> bool:
         readings = list(explore(way).readings)
         with progress("costs", len(missing), "mappers") as update:
             for number, name in enumerate(missing):
-                add_costs(folder, {name: relative_cost(name, readings)})
+                cost = relative_cost(name, readings)
+                with folder.locked():
+                    add_costs(folder.path, {name: cost})
                 update(number + 1, name)
     except KeyboardInterrupt:
         return True

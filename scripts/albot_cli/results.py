@@ -12,7 +12,13 @@ import click
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
-from albot_cli.mapper_results import EVERY, draw_mappers, measure_costs, rows_of_mappers
+from albot_cli.mapper_results import (
+    EVERY,
+    check_all_enter,
+    draw_mappers,
+    measure_costs,
+    rows_of_mappers,
+)
 from albot_cli.outputs import JSON, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -119,7 +125,9 @@ def command(
     It can be stopped at any time, also by `kill`: the same command goes on. If Ctrl-C stops it, the
     page is written and the exit status is 130.
     """
+    from albot_agents.benchmark.costs import read_costs
     from albot_agents.benchmark.folder import ResultsFolder
+    from albot_agents.benchmark.mapper_page import mapper_data
     from albot_agents.benchmark.page import Report, page_data, render_lines, render_page
     from albot_agents.benchmark.run import BenchmarkRun
     from albot_agents.task import find_task
@@ -127,17 +135,25 @@ def command(
     page = out / _PAGE if page is None else page
     _check_outputs(out, page)
     folder = ResultsFolder(out, version)
+    tasks = tuple(dict.fromkeys(map(find_task, tasks)))
+    kinds, odometers = tuple(dict.fromkeys(kinds)), tuple(dict.fromkeys(odometers))
     if mappers:
-        named = tuple(map(find_task, tasks))
         _check_names("--odometer", odometers, folder.protocol.odometers)
-        rows = rows_of_mappers(folder.protocol, mappers, named, agents, kinds, odometers)
+        rows = rows_of_mappers(folder.protocol, mappers, tasks, agents, kinds, odometers)
     else:
-        rows = _rows(folder.protocol, tasks, agents, kinds, odometers, plans)
-    folder.read()  # A damaged file raises before the work begins.
+        has_plans = plans is not None or episodes == 0
+        rows = _rows(folder.protocol, tasks, agents, kinds, odometers, has_plans)
+    most = _check_episodes(folder.protocol, rows, episodes)
+    # A damaged file raises before the work begins.
+    has_results = any(found.episodes for found in folder.read())
+    folder.read_agents()
+    read_costs(out)
+    if episodes == 0 and not has_results:
+        raise InputError(out, "a folder with results", "none")
     run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
     stopped = _run(run, jobs or os.cpu_count() or 1)
     if mappers and not stopped and episodes != 0:
-        stopped = measure_costs(out, [row.entrant.mapper for row in rows])
+        stopped = measure_costs(folder, [row.entrant.mapper for row in rows])
     report = Report.of(folder)
     with interrupts_deferred():
         report = draw_mappers(report, page)
@@ -151,11 +167,15 @@ def command(
         files["picture"] = str(page.with_name(report.picture))
     facts |= {"stopped": stopped, "files": files}
     if as_json:
-        click.echo(json.dumps(facts | {"rows": page_data(chosen)["rows"]}))
+        facts["rows"] = page_data(chosen)["rows"]
+        if mappers:
+            facts["mappers"] = mapper_data(report.mappers)
+        click.echo(json.dumps(facts))
     else:
         lines = render_lines(chosen) if agents else []
-        left = f"{many(run.missing, 'episode')} to go" if run.missing else "complete"
-        click.echo("\n".join([*lines, left, str(page), str(figures)]))
+        if episodes != 0:
+            lines.append(_left(run, episodes, most))
+        click.echo("\n".join([*lines, str(page), str(figures)]))
     return STOPPED if stopped else 0
 
 
@@ -169,45 +189,68 @@ def _check_outputs(out: Path, page: Path) -> None:
             check_file(file, force=True)
 
 
+def _check_episodes(protocol: Protocol, rows: list[Row], episodes: int | None) -> int:
+    """Return the most episodes of a cell; raise InputError if more were asked for."""
+    cells = [cell for row in rows for cell in row.cells]
+    most = max(len(protocol.keys(cell.task, cell.worlds)) for cell in cells)
+    if episodes is not None and episodes > most:
+        raise InputError("--episodes", f"{most} at most, the protocol's", str(episodes))
+    return most
+
+
+def _left(run: BenchmarkRun, episodes: int | None, most: int) -> str:
+    """Return what is left to be run, in words."""
+    if run.missing:
+        return f"{many(run.missing, 'episode')} to go"
+    return "complete" if run.is_complete else f"{episodes} of {most} episodes a cell"
+
+
 def _rows(
     protocol: Protocol,
     tasks: tuple[str, ...],
     agents: tuple[str, ...],
     kinds: tuple[str, ...],
     odometers: tuple[str, ...],
-    plans: Path | None,
+    has_plans: bool,
 ) -> list[Row]:
     """Return the rows that the options ask for.
 
+    Args:
+        protocol: The protocol.
+        tasks: Ids of tasks; none for all.
+        agents: Names or files of agents; none for all of a task.
+        kinds: Kinds of worlds; none for all of a task.
+        odometers: Presets of odometer noise; none for all.
+        has_plans: Whether floor plans can be run, or need not be.
+
     Raises:
-        InputError: An option names what the protocol has not, or nothing is left.
+        InputError: An option names what the protocol has not, or an agent has no row.
     """
     from albot_agents.benchmark.entrant import find_entrant
     from albot_agents.benchmark.protocol import PLANS
     from albot_agents.benchmark.run import Row
     from albot_agents.registry import agent_names
-    from albot_agents.task import find_task
 
-    named = tuple(map(find_task, tasks))
-    _check_names("--task", named, protocol.tasks)
+    _check_names("--task", tasks, protocol.tasks)
     _check_names("--worlds", kinds, protocol.worlds)
     _check_names("--odometer", odometers, protocol.odometers)
-    if PLANS in kinds and plans is None:
+    if PLANS in kinds and not has_plans:
         raise InputError("--worlds", "--plans, the folder of the floor plans", "none")
-    entrants = [find_entrant(name) for name in dict.fromkeys(agents)]
+    entrants = list({entrant.name: entrant for entrant in map(find_entrant, agents)}.values())
     rows = []
-    for task in named or protocol.tasks:
+    for task in tasks or protocol.tasks:
         wanted = [kind for kind in protocol.tasks[task].worlds if not kinds or kind in kinds]
-        worlds = tuple(kind for kind in wanted if kind != PLANS or plans is not None)
+        worlds = tuple(kind for kind in wanted if kind != PLANS or has_plans)
         chosen = odometers or protocol.odometers
         for entrant in entrants or map(find_entrant, agent_names(task)):
             trained_for_it = entrant.entry.file is None or task in entrant.entry.tasks
-            enters = entrant.entry.attempts(task) and (trained_for_it or named or not entrants)
+            enters = entrant.entry.attempts(task) and (trained_for_it or tasks or not entrants)
             if worlds and enters:
                 rows.append(Row(entrant=entrant, task=task, odometers=chosen, worlds=worlds))
     if not rows:
-        found = ", ".join((*named, *agents, *kinds))
+        found = ", ".join((*tasks, *agents, *kinds))
         raise InputError("albot results", "an agent for a task that has such worlds", found)
+    check_all_enter(entrants, rows)
     return rows
 
 

@@ -11,9 +11,12 @@ from typing import Any
 import pytest
 from click.testing import Result
 
+from albot_agents.benchmark.entrant import find_entrant
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import Protocol, find_protocol
 from albot_agents.workers import TaskRunner
+from albot_cli.mapper_results import measure_costs
+from albot_core.errors import InputError
 from albot_env.tasks.homing_by_map.changes import ChangesConfig
 from tests.cli.conftest import expect_error, figures
 from tests.env.quick import STROLL_BY_MAP
@@ -44,6 +47,10 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "albot_agents.benchmark.mappers.sensors_for", lambda mapper: {"config": UNCHANGED}
     )
+    monkeypatch.setattr(
+        "albot_agents.benchmark.run.find_entrant",
+        lambda name: replace(find_entrant(name), settings={"config": UNCHANGED}),
+    )
     monkeypatch.setattr("albot_core.evaluation.logistic._RESAMPLES", 20)
     monkeypatch.setattr("albot_cli.mapper_results._STEPS", 30)
 
@@ -65,6 +72,7 @@ def test_mappers_are_compared_and_drawn(tmp_path: Path, call: Callable[..., Resu
     assert data["costs"]["albot1"] > 0
     assert set(data["costs"]) == {"albot1"}
     assert data["curves"]["map-homing"]["episodes"] == 4
+    assert found["mappers"] == data
     page = (out / "results.md").read_text()
     assert "## Mappers" in page
     assert data["sentences"] == []  # Of two episodes.
@@ -83,7 +91,7 @@ def test_mappers_are_compared_and_drawn(tmp_path: Path, call: Callable[..., Resu
 
 def test_a_driver_is_a_column(tmp_path: Path, call: Callable[..., Result]) -> None:
     out = tmp_path / "results"
-    drivers = ("--agent", "map-homing", "--agent", "home-vector")
+    drivers = ("--agent", "map-homing", "--agent", "home-vector", "--agent", "home-vector")
     two = ("--mapper", "none", "--mapper", "albot1")
     found = figures(call("results", "--out", out, *drivers, *two, *HOMING, "--json"))
     assert found["missing"] == 0
@@ -102,6 +110,9 @@ def test_a_driver_is_a_column(tmp_path: Path, call: Callable[..., Result]) -> No
         (("albot1", "--task", "homing"), "--task: expected a task in which mappers are compared"),
         (("albot1", "--odometer", "bias-3"), "--odometer: expected one of pioneer"),
         (("albot1", "--agent", "round-trip"), "expected an agent for a task in which mappers"),
+        (("albot1", "--agent", "map-homing", "--agent", "round-trip"), "each have a row in these"),
+        (("albot1", "--agent", "map-homing", "--agent", "nearest-frontier"), "each have a row in"),
+        (("albot1", "--task", "explore", "--agent", "random"), "expected an agent for a task in"),
     ],
 )
 def test_what_cannot_be_compared_is_refused_before_anything_is_written(
@@ -118,3 +129,12 @@ def test_damaged_costs_are_refused(tmp_path: Path, call: Callable[..., Result]) 
     (out / "costs.json").write_text('{"costs": {"albot1": "dear"}}')
     result = call("results", "--out", out, "--episodes", 0)
     expect_error(result, "costs.json", "albot1: expected a number")
+
+
+def test_costs_are_written_by_one_process_at_a_time(tmp_path: Path) -> None:
+    folder = ResultsFolder(tmp_path / "results")
+    folder.begin()
+    other = ResultsFolder(folder.path)
+    with other.locked(), pytest.raises(InputError, match="no other process writes into"):
+        measure_costs(folder, ["odometry"])
+    assert not (folder.path / "costs.json").exists()

@@ -77,7 +77,8 @@ def test_a_file_is_scored_in_its_own_task_and_its_lines_are_told(
     assert "| 10 M |" in lines[0]
     assert lines[1].startswith("| mazes | pioneer | `mine-")
     assert {found.cell.task for found in ResultsFolder(out).read()} == {"Albot/Explore-v0"}
-    assert "complete" in result.stdout
+    assert "1 of 100 episodes a cell" in result.stdout
+    assert "complete" not in result.stdout
 
 
 def test_the_page_alone(tmp_path: Path, call: Callable[..., Result]) -> None:
@@ -124,6 +125,12 @@ def test_ctrl_c_leaves_a_page_and_the_status_of_a_stopped_command(
         (("--agent", "oracle", "--task", "explore"), "expected an agent for a task that has such"),
         (("--worlds", "scene", "--task", "explore"), "expected an agent for a task that has such"),
         (("--protocol", "2"), "protocol: expected a known version: 1, found 2"),
+        (
+            ("--task", "homing", "--agent", "oracle", "--agent", "gap-explorer"),
+            "--agent: expected agents that each have a row in these tasks and worlds, found gap-ex",
+        ),
+        (("--episodes", "101", *EXPLORE), "--episodes: expected 100 at most, the protocol's, fou"),
+        (("--episodes", "0"), "expected a folder with results, found none"),
         (("--page", "page.txt"), "--page: expected a name that ends in .md"),
         (("--page", "nowhere/page.md"), "nowhere"),
     ],
@@ -134,6 +141,42 @@ def test_bad_options_are_refused_before_anything_is_written(
     result = call("results", "--out", tmp_path / "results", "--episodes", 1, *words)
     expect_error(result, said)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_repeated_option_is_as_one(tmp_path: Path, call: Callable[..., Result]) -> None:
+    out, file = tmp_path / "results", tmp_path / "mine.albot"
+    file.write_bytes(shipped_agents()["exploring"].read_bytes())
+    twice = ("--task", "Albot/Explore-v0", *EXPLORE, *EXPLORE, "--agent", "random")
+    files = ("--agent", file, "--agent", tmp_path / "." / "nowhere" / ".." / "mine.albot")
+    (tmp_path / "nowhere").mkdir()
+    found = figures(call("results", "--out", out, *twice, *files, "--episodes", 1, "--json"))
+    assert [row["episodes"] for row in found["rows"]] == [1, 1]
+    assert sorted(len(each.episodes) for each in ResultsFolder(out).read()) == [1, 1]
+
+
+def test_the_page_alone_needs_results_but_no_plans(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    out = tmp_path / "results"
+    out.mkdir()
+    expect_error(call("results", "--out", out, "--episodes", 0), "a folder with results")
+    assert not list(out.iterdir())
+    call("results", "--out", out, *RANDOM, "--episodes", 1)
+    result = call("results", "--out", out, "--episodes", 0, "--worlds", "plans")
+    assert result.exception is None
+    assert "complete" not in result.stdout
+
+
+@pytest.mark.parametrize("name", ["costs.json", "agents/mine.json"])
+def test_a_damaged_file_is_found_before_the_work(
+    tmp_path: Path, call: Callable[..., Result], name: str
+) -> None:
+    out = tmp_path / "results"
+    ResultsFolder(out).begin()
+    (out / name).parent.mkdir(exist_ok=True)
+    (out / name).write_text("{")
+    expect_error(call("results", "--out", out, *RANDOM, "--episodes", 1), name)
+    assert not list(out.rglob("*.jsonl"))
 
 
 def test_floor_plans_must_be_those_of_the_protocol(

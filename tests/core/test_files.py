@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, make_folder, new_folder, scratch_folder, write_text
+from albot_core.files import (
+    atomic_write,
+    is_left_over,
+    make_folder,
+    new_folder,
+    scratch_folder,
+    write_text,
+)
 
 
 def _names(folder: Path) -> list[str]:
@@ -158,3 +165,12 @@ def test_a_new_folder_goes_with_what_failed_in_it(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "old"):
         raise KeyboardInterrupt
     assert _names(tmp_path / "old") == ["a"]
+
+
+def test_a_temporary_file_is_told_from_others(tmp_path: Path) -> None:
+    with atomic_write(tmp_path / ".my.v2.json"):
+        (left,) = tmp_path.iterdir()
+        assert is_left_over(left, (".json",))
+        assert not is_left_over(left, (".yml", ".jsonl"))
+    for name in (".my.v2.json", "a.json.abcdefgh", ".a.json.swp", ".a.b.c", ".abcdefgh"):
+        assert not is_left_over(Path(name), (".json",))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,9 +12,21 @@ from typing import Any
 from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.protocol import Protocol
 from albot_agents.registry import AgentEntry, agent_names, find_agent
+from albot_agents.trained.agent_file import AgentFile
+from albot_core.errors import InputError
+from albot_core.plain_data import to_plain
 
-_FINGERPRINT = 8
+_DIGITS = 8
 """Digits of the fingerprint in the name of an agent in a file."""
+
+
+def _fingerprint(file: AgentFile) -> str:
+    """Return a SHA-256 hash of an agent's task, weights and settings.
+
+    The settings decide on what it meets and observes, which its weights alone do not tell.
+    """
+    settings = json.dumps(to_plain(file.settings), sort_keys=True)
+    return hashlib.sha256(f"{file.fingerprint} {settings}".encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +46,8 @@ class Entrant:
 
     @property
     def fingerprint(self) -> str | None:
-        """The fingerprint of a trained agent; None for a scripted one."""
-        return None if self.entry.file is None else self.entry.file.fingerprint
+        """The fingerprint of a trained agent with its settings; None for a scripted one."""
+        return None if self.entry.file is None else _fingerprint(self.entry.file)
 
     def cell(self, task: str, odometer: str, worlds: str) -> Cell:
         """Return a cell of its row."""
@@ -60,10 +74,12 @@ def find_entrant(name: str) -> Entrant:
     are two rows of the table.
 
     Raises:
-        InputError: There is no such agent.
+        InputError: There is no such agent, or its file is hidden.
     """
     entry = find_agent(name)
     label = name
     if name not in agent_names() and entry.file is not None:
-        label = f"{Path(name).stem}-{entry.file.fingerprint[:_FINGERPRINT]}"
+        if Path(name).name.startswith("."):
+            raise InputError("agent", "a file whose name begins with no dot", name)
+        label = f"{Path(name).stem}-{_fingerprint(entry.file)[:_DIGITS]}"
     return Entrant(name=label, source=name, entry=entry, mapper=entry.mapper)

@@ -20,11 +20,11 @@ from typing import Any
 
 import albot_env
 from albot_agents.benchmark.cell import Cell, EpisodeResult, read_episode
+from albot_agents.benchmark.entrant import Entrant
 from albot_agents.benchmark.protocol import LATEST, find_protocol, task_folder
-from albot_agents.trained.agent_file import AgentFile
 from albot_agents.training.plan_file import save_plan
 from albot_core.errors import InputError
-from albot_core.files import make_folder, read_text, write_text
+from albot_core.files import is_left_over, make_folder, read_text, write_text
 from albot_core.json_document import parse_json, read_json
 from albot_core.plain_data import Location, read_record
 from albot_core.yaml_document import dotted
@@ -33,13 +33,15 @@ _MANIFEST = "benchmark.json"
 _CELLS = "cells"
 _AGENTS = "agents"
 _SUFFIX = ".jsonl"
+_WRITTEN = (_SUFFIX, ".json", ".yml", ".md", ".png")
+"""How the names of the files end that are written into the folder."""
 _HEADER = {
     "task": str, "agent": str, "mapper": str, "odometer": str, "worlds": str,
     "fingerprint": str | None, "protocol": int, "version": str,
 }  # fmt: skip
 _FACTS = {
     "task": str, "fingerprint": str, "samples": int, "asked": int, "algorithm": str, "seed": int,
-    "command": str, "seconds": float,
+    "command": str, "seconds": float, "mapper": str,
 }  # fmt: skip
 
 
@@ -50,7 +52,7 @@ class CellResults:
     cell: Cell
     """The cell."""
     fingerprint: str | None
-    """`AgentFile.fingerprint` of a trained agent; None for a scripted one."""
+    """`Entrant.fingerprint`: None for a scripted agent."""
     episodes: Sequence[EpisodeResult]
     """The episodes, in the protocol's order."""
 
@@ -121,9 +123,15 @@ class ResultsFolder:
                 except OSError:
                     expected = "a folder that no other process writes into"
                     raise InputError(self.path, expected, "one that does") from None
-            for left in self.path.rglob(".*.*.*"):
+            for left in self._left():
                 left.unlink(missing_ok=True)
             yield
+
+    def _left(self) -> list[Path]:
+        """Return what killed processes left of files of this folder."""
+        files = [*self.path.glob(".*"), *(self.path / _AGENTS).glob(".*")]
+        files += (self.path / _CELLS).rglob(".*")
+        return [file for file in files if is_left_over(file, _WRITTEN) and file.is_file()]
 
     def file(self, cell: Cell) -> Path:
         """Return the path of a cell's file."""
@@ -137,7 +145,7 @@ class ResultsFolder:
             InputError: A file is damaged, or of another protocol or version.
         """
         files = sorted((self.path / _CELLS).rglob(f"*{_SUFFIX}"))
-        return [self._read_file(file) for file in files if not file.name.startswith(".")]
+        return [self._read_file(file) for file in files]
 
     def read_cell(self, cell: Cell) -> CellResults | None:
         """Return what was measured in a cell; None if nothing was.
@@ -166,29 +174,36 @@ class ResultsFolder:
         write_text(file, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
 
     def add(self, cell: Cell, fingerprint: str | None, episodes: Sequence[EpisodeResult]) -> None:
-        """Add episodes to those of a cell.
+        """Add those episodes to a cell that it lacks.
 
         Raises:
             InputError: As `read` and `write`.
             OSError: The disk is full.
         """
         before = self.read_cell(cell)
-        every = [*(() if before is None else before.episodes), *episodes]
-        self.write(CellResults(cell=cell, fingerprint=fingerprint, episodes=every))
+        every = {
+            (one.world, one.seed): one
+            for one in (*episodes, *(() if before is None else before.episodes))
+        }
+        self.write(CellResults(cell=cell, fingerprint=fingerprint, episodes=list(every.values())))
 
-    def write_agent(self, name: str, file: AgentFile) -> None:
-        """Keep what reproduces a trained agent: facts of its training, and its plan.
+    def write_agent(self, entrant: Entrant) -> None:
+        """Keep what reproduces a trained agent: facts of its training, its mapper, its plan.
 
         Raises:
             InputError: They cannot be written.
         """
+        name, file = entrant.name, entrant.entry.file
+        assert file is not None, "a scripted agent has no training"
         folder = self.path / _AGENTS
         make_folder(folder)
         training = file.training
-        facts = {"task": file.task, "fingerprint": file.fingerprint, "samples": training.samples}
+        facts: dict[str, Any]
+        facts = {"task": file.task, "fingerprint": entrant.fingerprint, "samples": training.samples}
         plan = training.plan
         facts |= {"asked": plan.n_timesteps, "algorithm": plan.algorithm, "seed": plan.seed}
         facts |= {"command": training.command, "seconds": training.seconds}
+        facts |= {"mapper": entrant.entry.mapper}
         save_plan(plan, folder / f"{name}.yml")
         write_text(folder / f"{name}.json", json.dumps(facts, indent=1) + "\n")
 
@@ -214,7 +229,9 @@ class ResultsFolder:
         fingerprint = header.pop("fingerprint")
         cell = Cell(**header)
         known = self.protocol.tasks.get(cell.task)
-        if known is None or cell.worlds not in known.worlds or file != self.file(cell):
+        is_known = known is not None and cell.worlds in known.worlds
+        is_known = is_known and cell.odometer in self.protocol.odometers
+        if not is_known or file != self.file(cell):
             expected = f"the file of a cell of protocol {self.protocol.protocol}"
             raise InputError(file, expected, ", ".join(map(str, header.values())))
         episodes = [

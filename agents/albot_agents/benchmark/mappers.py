@@ -137,8 +137,15 @@ def is_carried(episode: EpisodeResult) -> bool:
     return bool(episode.info.get("change") == "carried")
 
 
-def has_own_mapper(cell: Cell) -> bool:
-    """Return whether a cell is one of the table of agents: an agent with its own mapper."""
+def has_own_mapper(cell: Cell, agents: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Return whether a cell is one of the table of agents: an agent with its own mapper.
+
+    Args:
+        cell: The cell.
+        agents: Facts of the trained agents, by name (`ResultsFolder.read_agents`).
+    """
+    if cell.agent in agents:
+        return bool(agents[cell.agent]["mapper"] == cell.mapper)
     return cell.agent not in agent_names() or find_agent(cell.agent).mapper == cell.mapper
 
 

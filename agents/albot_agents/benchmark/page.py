@@ -46,11 +46,12 @@ class Report:
             InputError: A file is damaged, or two agents began the same episode at different poses.
         """
         results, protocol = folder.read(), folder.protocol
-        own = [found for found in results if has_own_mapper(found.cell)]
+        agents = folder.read_agents()
+        own = [found for found in results if has_own_mapper(found.cell, agents)]
         return cls(
             protocol=protocol,
             rows=make_table(own, protocol),
-            agents=folder.read_agents(),
+            agents=agents,
             mappers=MapperReport.of(results, protocol, read_costs(folder.path)),
         )
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from albot_agents.benchmark.cell import Cell, EpisodeResult
-from albot_agents.benchmark.entrant import Entrant
+from albot_agents.benchmark.entrant import Entrant, find_entrant
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import EpisodeKey
 from albot_agents.evaluation.paired import check_same_episodes
@@ -108,7 +108,17 @@ class BenchmarkRun:
             self._protocol.check_worlds(kind, plans)
         for task in dict.fromkeys(row.task for row in rows):
             self._check_task([row for row in rows if row.task == task])
-        self._done = {cell: self._find_done(cell) for row in rows for cell in row.cells}
+        cells = [cell for row in rows for cell in row.cells]
+        assert len(set(cells)) == len(cells), "a cell is in two rows"
+        self._done = self._read_done()
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the folder has all of the protocol's episodes of the rows."""
+        return all(
+            len(done) == len(self._protocol.keys(cell.task, cell.worlds))
+            for cell, done in self._done.items()
+        )
 
     @property
     def missing(self) -> int:
@@ -125,10 +135,12 @@ class BenchmarkRun:
             on_done: Called with the number of episodes done by this run.
 
         Raises:
-            InputError: Another process writes into the folder, or it cannot be written.
+            InputError: Another process writes into the folder, or it cannot be written, or holds
+                other results of an agent of that name by now.
         """
         self._folder.begin()
         with self._folder.locked():
+            self._done = self._read_done()  # Another process may have written until now.
             self._keep_agents()
             results = run_parallel(_GroupRunner(), self._groups(), jobs)
             done = 0
@@ -143,31 +155,44 @@ class BenchmarkRun:
                     on_done(done)
 
     def _check_task(self, rows: Sequence[Row]) -> None:
-        """Check the settings of a task's rows, and that they are of the same episodes."""
-        reference = self._protocol.tasks[rows[0].task].reference
-        trials = {}
-        for row in sorted(rows, key=lambda row: row.entrant.name != reference):
-            cell = row.cells[0]
-            trial = self._trial(row, cell, self._protocol.keys(cell.task, cell.worlds)[0])
+        """Check the settings of a task's rows, and that they are of the protocol's episodes.
+
+        These are the episodes of the task's reference, be it among the rows or not.
+        """
+        task = rows[0].task
+        reference = find_entrant(self._protocol.tasks[task].reference)
+        first = replace(rows[0], entrant=reference)
+        key = self._protocol.keys(task, first.worlds[0])[0]
+        trials = {reference.name: self._trial(first, first.cells[0], key)}
+        for row in rows:
+            cell = row.entrant.cell(task, row.odometers[0], first.worlds[0])
+            trial = self._trial(row, cell, key)
             trial.make().close()
             is_own = cell.mapper == row.entrant.entry.mapper
             trials[cell.agent if is_own else f"{cell.agent} with {cell.mapper}"] = trial
         check_same_episodes(trials)
 
-    def _find_done(self, cell: Cell) -> set[tuple[str, int]]:
-        """Return world and seed of each episode that the folder has."""
-        found = self._folder.read_cell(cell)
-        if found is None:
-            return set()
-        if found.fingerprint != self._fingerprints[cell.agent]:
-            expected = f"results of the same agent {cell.agent}; remove its files to measure anew"
-            raise InputError(self._folder.file(cell), expected, "those of another of that name")
-        return {(one.world, one.seed) for one in found.episodes}
+    def _read_done(self) -> dict[Cell, set[tuple[str, int]]]:
+        """Return world and seed of each episode that the folder has, by cell of the rows.
+
+        Raises:
+            InputError: A file is damaged, or any holds results of another agent of that name.
+        """
+        done: dict[Cell, set[tuple[str, int]]]
+        done = {cell: set() for row in self._rows for cell in row.cells}
+        for found in self._folder.read():
+            cell, agent = found.cell, found.cell.agent
+            if found.fingerprint != self._fingerprints.get(agent, found.fingerprint):
+                expected = f"results of the same agent {agent}; remove its files to measure anew"
+                raise InputError(self._folder.file(cell), expected, "those of another of that name")
+            if cell in done:
+                done[cell] = {(one.world, one.seed) for one in found.episodes}
+        return done
 
     def _keep_agents(self) -> None:
         for entrant in {row.entrant.name: row.entrant for row in self._rows}.values():
             if entrant.entry.file is not None:
-                self._folder.write_agent(entrant.name, entrant.entry.file)
+                self._folder.write_agent(entrant)
 
     def _keys(self, cell: Cell) -> list[EpisodeKey]:
         return self._protocol.keys(cell.task, cell.worlds)[: self._limit]

@@ -18,6 +18,7 @@ from albot_agents.task import config_kind, short_name
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_clusters
 from albot_core.plain_data import differences, to_plain
+from albot_core.robot import DEFAULT_ROBOT
 from albot_env.tasks.core.observation import ObservationConfig
 
 _SEED = 0
@@ -79,7 +80,8 @@ def _episode_settings(trial: Trial) -> dict[str, Any]:
         # None stands for parts that the task chooses, with the default coverage.
         coverage = (config["observations"] or to_plain(ObservationConfig()))["coverage"]
         kept["observations"] = {"coverage": {name: coverage[name] for name in _COVERAGE}}
-    return {"world": trial.world, "seed": trial.seed, **to_plain(settings), "config": kept}
+    usual = {"world": trial.world, "seed": trial.seed, "robot": DEFAULT_ROBOT}
+    return usual | to_plain(settings) | {"config": kept}
 
 
 def check_same_beginnings(

@@ -154,9 +154,50 @@ def test_one_process_writes_at_a_time(folder: ResultsFolder) -> None:
         pass
 
 
+def test_a_cell_of_another_odometer_is_refused(folder: ResultsFolder) -> None:
+    folder.write(results(cell(odometer="bias-3"), 1))
+    with pytest.raises(InputError, match="expected the file of a cell of protocol 1, found"):
+        folder.read()
+
+
+def test_an_episode_is_kept_once(folder: ResultsFolder) -> None:
+    before = folder.file(cell()).read_bytes()
+    folder.add(cell(), None, results(cell(), 2, 0.9).episodes)
+    assert folder.file(cell()).read_bytes() == before
+    folder.add(cell(), None, results(cell(), 4).episodes)
+    assert len(folder.read()[0].episodes) == 4
+
+
 def test_what_a_killed_process_left_is_removed(folder: ResultsFolder) -> None:
-    left = folder.file(cell()).parent / ".albot1-homing@albot1.jsonl.x8d0"
-    left.write_text("half")
+    cells = folder.file(cell()).parent
+    (folder.path / "agents").mkdir()
+    every = (
+        cells / ".albot1-homing@albot1.jsonl.x8d0_abc",
+        folder.path / "agents" / ".mine-01234567.json.x8d0_abc",
+        folder.path / ".benchmark.json.x8d0_abc",
+        folder.path / ".costs.json.x8d0_abc",
+        folder.path / ".results-mappers.png.x8d0_abc",
+    )
+    for left in every:
+        left.write_text("half")
     assert len(folder.read()) == 1
     with folder.locked():
-        assert not left.exists()
+        assert not any(left.exists() for left in every)
+
+
+def test_what_others_put_there_stays(folder: ResultsFolder) -> None:
+    cells = folder.file(cell()).parent
+    (cells / ".a.b.c").mkdir()
+    (cells / ".a.jsonl.abcdefgh").mkdir()
+    (folder.path / "mine").mkdir()
+    files = (
+        cells / ".my.v2-01234567@albot1.jsonl",
+        folder.path / ".benchmark.json.swp",
+        folder.path / "mine" / ".benchmark.json.x8d0_abc",
+    )
+    for file in files:
+        file.write_text("mine")
+    with folder.locked():
+        assert all(file.exists() for file in files)
+    with pytest.raises(InputError, match=r"my\.v2"):
+        folder.read()

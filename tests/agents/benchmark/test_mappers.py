@@ -350,7 +350,9 @@ def test_rows_are_of_every_mapper_in_every_task() -> None:
 
 
 def test_the_table_of_agents_has_each_with_its_own_mapper() -> None:
-    assert has_own_mapper(_cell("scan-matching"))
-    assert not has_own_mapper(_cell("albot1"))
-    assert has_own_mapper(_cell("albot1", EXPLORE))
-    assert has_own_mapper(_cell("odometry", HOMING, "mine-01234567"))
+    facts = {"mine-01234567": {"mapper": "odometry"}}
+    assert has_own_mapper(_cell("scan-matching"), facts)
+    assert not has_own_mapper(_cell("albot1"), facts)
+    assert has_own_mapper(_cell("albot1", EXPLORE), facts)
+    assert has_own_mapper(_cell("odometry", HOMING, "mine-01234567"), facts)
+    assert not has_own_mapper(_cell("albot1", HOMING, "mine-01234567"), facts)

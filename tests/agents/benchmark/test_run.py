@@ -51,6 +51,15 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
 
 
+@pytest.fixture
+def strolls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also the reference's journeys are a metre or two long."""
+    monkeypatch.setattr(
+        "albot_agents.benchmark.run.find_entrant",
+        lambda name: replace(find_entrant(name), settings={"config": STROLL}),
+    )
+
+
 def short(protocol: Protocol) -> Protocol:
     """The protocol with episodes of ten steps."""
     tasks = {task: replace(each, steps=10) for task, each in protocol.tasks.items()}
@@ -110,6 +119,7 @@ def test_a_run_that_was_stopped_ends_as_one_that_was_not(tmp_path: Path) -> None
     assert contents(stopped) == contents(whole)
 
 
+@pytest.mark.usefixtures("strolls")
 def test_episodes_that_run_together_are_those_that_run_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,23 +155,27 @@ def test_batches_of_a_trained_agent_are_its_episodes(tmp_path: Path) -> None:
     assert not _in_batches(row(find_entrant("homing"), HOMING))
 
 
+@pytest.mark.usefixtures("strolls")
 def test_a_trained_agents_plan_and_facts_are_kept(folder: ResultsFolder, tmp_path: Path) -> None:
     file = tmp_path / "mine.albot"
     file.write_bytes(shipped_agents()["homing"].read_bytes())
     entrant = find_entrant(str(file))
     agent = entrant.entry.file
     assert agent is not None
-    assert entrant.name == f"mine-{agent.fingerprint[:8]}"
+    assert entrant.fingerprint is not None
+    assert entrant.name == f"mine-{entrant.fingerprint[:8]}"
     entrant = replace(entrant, settings={"config": STROLL})
     BenchmarkRun(folder, [row(entrant, HOMING)], 1).run(1)
     facts = folder.read_agents()[entrant.name]
-    assert facts["fingerprint"] == agent.fingerprint
+    assert facts["fingerprint"] == entrant.fingerprint
+    assert facts["mapper"] == "albot1"
     assert facts["command"] == agent.training.command
     assert facts["samples"] == agent.training.samples
     assert (folder.path / "agents" / f"{entrant.name}.yml").exists()
-    assert folder.read()[0].fingerprint == agent.fingerprint
+    assert folder.read()[0].fingerprint == entrant.fingerprint
 
 
+@pytest.mark.usefixtures("strolls")
 def test_results_of_another_agent_of_the_name_are_refused(folder: ResultsFolder) -> None:
     homing = replace(find_entrant("homing"), settings={"config": STROLL})
     BenchmarkRun(folder, [row(homing, HOMING)], 1).run(1)
@@ -169,6 +183,76 @@ def test_results_of_another_agent_of_the_name_are_refused(folder: ResultsFolder)
     other = replace(homing, entry=find_entrant("homing-blind").entry)
     with pytest.raises(InputError, match="expected results of the same agent homing; remove its"):
         BenchmarkRun(folder, [row(other, HOMING)], 2)
+    with pytest.raises(InputError, match="expected results of the same agent homing; remove its"):
+        BenchmarkRun(folder, [row(other, HOMING, worlds="rings")], 2)  # Another cell.
+
+
+def altered(name: str, path: Path, **settings: Any) -> Entrant:
+    """The entrant of a trained agent with other settings, in a file."""
+    agent = find_entrant(name).entry.file
+    assert agent is not None
+    replace(agent, settings={**agent.settings, **settings}).save(path)
+    return find_entrant(str(path))
+
+
+def test_settings_of_a_trained_agent_are_part_of_what_it_is(tmp_path: Path) -> None:
+    agent = find_entrant("place-recognition").entry.file
+    assert agent is not None
+    config = agent.settings["config"]
+    tour = {**config, "tour": {**config["tour"], "revisits": 0.0}}
+    one = altered("place-recognition", tmp_path / "a.albot")
+    other = altered("place-recognition", tmp_path / "b.albot", config=tour)
+    assert one.fingerprint == find_entrant("place-recognition").fingerprint
+    assert one.fingerprint != other.fingerprint
+
+
+@pytest.mark.parametrize("robot", ["pioneer-3dx", "peoplebot"])
+def test_an_agent_alone_meets_the_protocols_episodes(
+    folder: ResultsFolder, tmp_path: Path, robot: str
+) -> None:
+    rows = [row(altered("exploring", tmp_path / "mine.albot", robot=robot))]
+    if robot == "pioneer-3dx":  # The default, told.
+        assert BenchmarkRun(folder, rows, 1).missing == 1
+        return
+    said = "expected the episodes of gap-explorer, found robot peoplebot, not pioneer-3dx"
+    with pytest.raises(InputError, match=said):
+        BenchmarkRun(folder, rows, 1)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_agents()))
+def test_the_shipped_agents_meet_the_protocols_episodes(folder: ResultsFolder, name: str) -> None:
+    task = find_entrant(name).entry.tasks[0]
+    BenchmarkRun(folder, [row(find_entrant(name), task, worlds="offices")], 1)
+
+
+def test_a_hidden_file_is_no_entrant(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected a file whose name begins with no dot"):
+        altered("exploring", tmp_path / ".my.v2.albot")
+
+
+def test_no_cell_is_in_two_rows(folder: ResultsFolder) -> None:
+    with pytest.raises(AssertionError, match="a cell is in two rows"):
+        BenchmarkRun(folder, [row(), row()], 1)
+    with pytest.raises(AssertionError, match="a cell is in two rows"):
+        BenchmarkRun(folder, [row(RANDOM, EXPLORE, "poor", "poor")], 1)
+
+
+def test_a_process_after_another_runs_what_is_still_missing(folder: ResultsFolder) -> None:
+    one, other = BenchmarkRun(folder, [row()], 1), BenchmarkRun(folder, [row()], 2)
+    one.run(1)
+    told: list[int] = []
+    other.run(1, told.append)
+    assert told == [1]
+    assert len(folder.read()[0].episodes) == 2
+
+
+def test_it_is_complete_with_all_episodes_of_the_protocol(folder: ResultsFolder) -> None:
+    run = BenchmarkRun(folder, [row()], 1)
+    run.run(1)
+    assert run.missing == 0
+    assert not run.is_complete
+    folder.protocol = replace(folder.protocol, episodes=1)
+    assert BenchmarkRun(folder, [row()]).is_complete
 
 
 def test_agents_that_would_meet_other_episodes_are_refused(folder: ResultsFolder) -> None:
