@@ -81,7 +81,7 @@ def _episode_settings(trial: Trial) -> dict[str, Any]:
         coverage = (config["observations"] or to_plain(ObservationConfig()))["coverage"]
         kept["observations"] = {"coverage": {name: coverage[name] for name in _COVERAGE}}
     usual = {"world": trial.world, "seed": trial.seed, "robot": DEFAULT_ROBOT}
-    return usual | to_plain(settings) | {"config": kept}
+    return {**usual, **to_plain(settings), "config": kept}
 
 
 def check_same_beginnings(
