@@ -20,6 +20,7 @@ from PIL import Image
 
 from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.costs import read_costs
+from albot_agents.benchmark.entrant import find_entrant
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.page import Report, render_page
 from albot_agents.registry import find_agent
@@ -239,11 +240,11 @@ def _write_results(folder: Path) -> None:
     results = ResultsFolder(folder)
     results.begin()
     episodes = made_up(_CELL, 2)
-    shipped = read_agent(shipped_agents()["homing"])
+    shipped = find_entrant("homing")
     results.write(episodes)
-    results.write_agent("a", shipped)
+    results.write_agent(shipped)
     results.file(_CELL).rename(folder / "cell.jsonl")
-    (folder / "agents" / "a.json").rename(folder / "agent.json")
+    (folder / "agents" / "homing.json").rename(folder / "agent.json")
     shutil.rmtree(folder / "agents")
     shutil.rmtree(folder / "cells")
 
