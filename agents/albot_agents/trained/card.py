@@ -131,7 +131,9 @@ def _heading(agent: AgentFile, name: str) -> str:
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
     acts = "deterministically: it takes the action with the highest score"
     if network.sampled:
-        acts = "by sampling speed and turn rate from its policy, as in its training"
+        acts = "by sampling from its policy, as in its training"
+        if not network.sampled_statements:
+            acts = "by sampling speed and turn rate from its policy; what it says is the mean"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
         f"{inputs}, {encoders}{lstm}{layers} {network.activation}, {actions}. It acts "

@@ -61,8 +61,10 @@ class NetworkConfig:
     lstm_layers: int = 0
     """Number of LSTM layers."""
     sampled: bool = False
-    """Whether speed and turn rate are drawn around the outputs, with the standard deviation in the
-    array `action.log_std`."""
+    """Whether actions are drawn around the outputs, with the standard deviation in the array
+    `action.log_std`."""
+    sampled_statements: bool = True
+    """With `sampled`: whether the numbers after speed and turn rate are drawn, too."""
     candidates: int = 0
     """Largest number of candidates in an observation; 0 for a network without candidates."""
     encoders: tuple[PartEncoder, ...] = ()
@@ -186,13 +188,14 @@ class Network:
     def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator
     ) -> Float32[np.ndarray, "outputs"]:
-        """Draw speed and turn rate from normal distributions whose means are the outputs.
+        """Draw each number from a normal distribution whose mean is the network's output.
 
-        What the agent says is not drawn: a statement that is made once in many steps by chance,
-        such as that the robot is home, would end the episode somewhere.
+        Without `sampled_statements` only speed and turn rate are drawn.
         """
         spread = np.exp(self._weights["action.log_std"])
         drawn = answer + spread * rng.standard_normal(len(answer), np.float32)
+        if self._config.sampled_statements:
+            return np.asarray(drawn)
         return np.concatenate((drawn[:DRIVEN], answer[DRIVEN:]))
 
     def _score_candidates(

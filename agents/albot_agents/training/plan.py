@@ -44,7 +44,7 @@ _USERS = {
     "max_grad_norm": (*ON_POLICY, *VALUE_BASED),
     "policy.value_arch": (*ON_POLICY, "sac"),
     "policy.log_std_init": (*ON_POLICY, "sac"),
-    "policy.sampled": ON_POLICY,
+    **dict.fromkeys(("policy.sampled", "policy.sampled_statements"), ON_POLICY),
     **dict.fromkeys(("policy.lstm_size", "policy.lstm_layers"), ("recurrent_ppo",)),
     **{f"off_policy.{name}": users for name, users in USERS.items()},
 }
@@ -92,10 +92,13 @@ class PolicyPlan:
     the initial logits of "none" and of "this one". It can keep an untrained policy from declaring
     home by chance after a few steps, before it could learn to drive."""
     sampled: bool = False
-    """Whether the agent samples speed and turn rate, as in training, instead of taking the mean,
-    which may stand still forever between turning left and right. What it says, such as that it is
-    home, is decided by the mean. Evaluations during training use the mean anyway. Not for discrete
-    actions."""
+    """Whether the agent samples its actions, as in training, instead of taking the mean action,
+    which may stand still forever between turning left and right. Evaluations during training use
+    the mean anyway. Not for discrete actions."""
+    sampled_statements: bool = True
+    """Whether a sampled agent also samples what it says, such as that it is home, or decides it by
+    the mean. A small chance at each of a thousand steps is a large one; but a network that learnt
+    to say something now and then may never do so in the mean."""
     lstm_size: int = 128
     """Units of each LSTM layer, for `recurrent_ppo` only."""
     lstm_layers: int = 1

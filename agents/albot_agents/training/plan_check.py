@@ -167,6 +167,7 @@ def agent_network(
         lstm_size=policy.lstm_size if plan.recurrent else 0,
         lstm_layers=policy.lstm_layers if plan.recurrent else 0,
         sampled=policy.sampled,
+        sampled_statements=policy.sampled_statements,
         candidates=outputs - 1 if policy.kind == "candidates" else 0,
         encoders=policy_encoders(policy, observation_config, where),
         squashed=plan.algorithm == "sac",

@@ -32,6 +32,7 @@ def _network(policy: Any, plan: TrainingPlan, outputs: int) -> Network:
         activation=plan.policy.activation,
         outputs=outputs,
         sampled=plan.policy.sampled,
+        sampled_statements=plan.policy.sampled_statements,
         lstm_size=plan.policy.lstm_size if recurrent else 0,
         lstm_layers=plan.policy.lstm_layers if recurrent else 0,
         squashed=plan.algorithm == "sac",
@@ -70,8 +71,9 @@ def test_an_mlp_does_as_its_original(activation: str, layers: tuple[int, ...]) -
     assert 0.05 < (np.abs(expected) < 1).mean() < 1  # Some are clipped, some are not.
 
 
-def test_driving_is_drawn_as_by_its_original() -> None:
-    plan = TrainingPlan(policy=PolicyPlan(net_arch=(16,), sampled=True))
+@pytest.mark.parametrize("says", [True, False])
+def test_numbers_are_drawn_as_by_its_original(says: bool) -> None:
+    plan = TrainingPlan(policy=PolicyPlan(net_arch=(16,), sampled=True, sampled_statements=says))
     policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32), ortho_init=False)
     network, rng = _network(policy, plan, 3), np.random.default_rng(4)
     row = rng.uniform(-1, 1, LENGTH).astype(np.float32)
@@ -79,9 +81,8 @@ def test_driving_is_drawn_as_by_its_original() -> None:
     original = policy.get_distribution(torch.tensor(row[np.newaxis])).distribution
     mean, deviation = (tensor.detach().numpy()[0] for tensor in (original.mean, original.stddev))
     np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.05)
-    # Speed and turn rate are drawn; what the agent says is the mean.
-    np.testing.assert_allclose(drawn[:, :2].std(axis=0), deviation[:2], rtol=0.03)
-    np.testing.assert_array_equal(drawn[:, 2], network(row)[2])
+    spread = deviation * (1, 1, says)
+    np.testing.assert_allclose(drawn.std(axis=0), spread, rtol=0.03, atol=1e-3)
 
 
 def test_a_discrete_policy_chooses_as_its_original() -> None:
