@@ -222,14 +222,14 @@ def _check_settings(
     length = sum(math.prod(shape) for shape in observation_config.shapes.values())
     if length != network.inputs:
         raise where.error(f"observations of {network.inputs} numbers", f"{length}")
-    begins, begin = {}, 0
-    for part, shape in observation_config.shapes.items():
-        begins[part] = begin, shape
-        begin += math.prod(shape)
     for encoder in network.encoders:
-        if begins.get(encoder.part) != (encoder.begin, encoder.shape):
-            expected = f"the part {encoder.part} with the shape {encoder.shape}, as encoded"
-            raise where.error(expected, str(begins.get(encoder.part, "none")))
+        begin = getattr(observation_config.layout, encoder.part, -1)
+        shape = observation_config.shapes.get(encoder.part)
+        if (begin, shape) != (encoder.begin, encoder.shape):
+            expected = f"the part {encoder.part} of shape {encoder.shape} from {encoder.begin} on"
+            raise where.error(
+                expected, f"one of shape {shape} from {begin} on" if shape else "none"
+            )
 
 
 def _check_curve(curve: Mapping[str, list[float]], where: Location) -> None:

@@ -121,7 +121,6 @@ def check_policy(
         actions: The environment's action space.
         where: Location of the plan.
     """
-    policy_encoders(policy, observation_config, where)
     where = where.at("policy")
     discrete = isinstance(actions, spaces.Discrete)
     outputs = spaces.flatdim(actions)
@@ -200,7 +199,7 @@ def policy_encoders(
             expected = f"mlp, or observations with the part {' or '.join(group)}"
             found = f"{policy.kind} and {', '.join(shapes)}"
             raise where.at("policy", "kind").error(expected, found)
-    encoders, begin = [], 0
+    encoders = []
     for part, shape in shapes.items():
         if any(part in group for group in groups):
             kind = ATTENTION if part == PLACE_GRAPH.name else CONVOLUTION
@@ -209,8 +208,8 @@ def policy_encoders(
                 places = observation_config.place_graph.places
                 sizes = {"places": places, "units": policy.graph_units}
                 sizes["heads"] = policy.graph_heads
+            begin = getattr(observation_config.layout, part)
             encoders.append(PartEncoder(part=part, kind=kind, begin=begin, shape=shape, **sizes))
-        begin += int(np.prod(shape))
     return tuple(encoders)
 
 
