@@ -217,9 +217,14 @@ def test_the_trail_fades_with_age_and_is_forgotten_in_the_end(two_rooms: World) 
     for x in (0.0, 0.6, 1.2):
         builder.observe(rows, believed((x, 0.0, 0.0)), out)
     near = config.decode(MAP_PATCH, out[0]).channels["trail"][0]
-    most = config.map_patch.trail.most
-    assert near[[8, 9, 10], 8].tolist() == pytest.approx([1, 1 - 1 / most, 1 - 2 / most])
+    assert near[[8, 9, 10], 8].tolist() == pytest.approx([1, 2 / 3, 1 / 3])
     assert (near > -1).sum() == 3
+    for x in np.arange(1.9, 60.0, 0.6):  # Farther than the smaller square shows.
+        builder.observe(rows, believed((x, 0.0, 0.0)), out)
+    behind = config.decode(MAP_PATCH, out[0]).channels["trail"][0][8:, 8]
+    assert behind[0] == 1
+    assert 0 < behind[-1] < 0.15
+    assert np.diff(behind).max() <= 0  # Two cells may share a line.
 
 
 def test_a_trajectory_is_thinned_from_its_newest_point_back() -> None:

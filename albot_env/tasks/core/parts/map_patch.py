@@ -44,7 +44,9 @@ class MapPatchConfig:
     - `walls`: line segments, or occupied cells of an occupancy grid,
     - `free`: ground known to be free: of an occupancy grid, or else seen from within
       `CoverageConfig.radius`,
-    - `trail`: where the robot has been: 1 now, down to 0 at the oldest position remembered,
+    - `trail`: where the robot has been: evenly from 1 at the latest position that the square shows
+      down to almost 0 at the earliest, so that it tells on a small square, too, which way leads
+      back,
     - `exits`: the lines across doorways of the place graph,
     - `home`: where home is believed; beyond the patch, at its edge in that direction,
     - `places`: the nodes of the place graph.
@@ -229,20 +231,31 @@ def _draw_point(x: float, y: float, value: float, view: _View, patch: np.ndarray
 
 @kernel()
 def _draw_trail(i: int, trail: RaggedRows, view: _View, patch: np.ndarray) -> None:
-    """Show robot i's trail: 1 at the newest point, down to 0 at the oldest remembered.
+    """Show robot i's trail: 1 at the latest position shown, evenly down to the earliest one shown.
 
-    Points are joined by lines, but not where the belief jumped.
+    Positions are joined by lines, but not where the belief jumped. A line is as old as its older
+    end.
     """
     count, points, jump = trail.counts[i], trail.rows[i], _JUMP / view.cell
-    fading = 1.0 / points.shape[0]
-    u = v = math.inf
+    most = 0
+    for k in range(count):
+        most += _is_shown(place_in(points[k, 0], points[k, 1], view), view)
+    earlier, u, v = 0, math.inf, math.inf
     for k in range(count):
         end_u, end_v = place_in(points[k, 0], points[k, 1], view)
         if abs(end_u - u) + abs(end_v - v) <= jump:
-            draw_line((u, v), (end_u, end_v), 1.0 - (count - k) * fading, view.cells, patch)
+            # A line may cross the square of which no position is shown.
+            draw_line((u, v), (end_u, end_v), earlier / max(most, 1), view.cells, patch)
         u, v = end_u, end_v
-        if min(u, v) >= 0.0:
-            _show(int(u), int(v), 1.0 - (count - 1 - k) * fading, view.cells, patch)
+        if _is_shown((u, v), view):
+            earlier += 1
+            _show(int(u), int(v), earlier / most, view.cells, patch)
+
+
+@kernel()
+def _is_shown(place: tuple[float, float], view: _View) -> bool:
+    """Return whether a place, as from `place_in`, is on the patch."""
+    return min(place) >= 0.0 and max(place) < view.cells
 
 
 @kernel()
