@@ -90,10 +90,14 @@ class Demonstrations:
 
     @property
     def success_rate(self) -> float | None:
-        """Success rate of the agent alone, in the first round; None if no episode ended."""
+        """Success rate of the agent alone, in the first round.
+
+        None if no episode came to an end of its own, as in a task that only time ends.
+        """
         after = self.first(1).after
-        episodes = (after >= FAILED).sum() + (after[:, :-1] == CUT).sum()
-        return float((after == SUCCEEDED).sum() / episodes) if episodes else None
+        ended = (after >= FAILED).sum()
+        episodes = ended + (after[:, :-1] == CUT).sum()
+        return float((after == SUCCEEDED).sum() / episodes) if ended else None
 
     def returns(self, gamma: float) -> tuple[Float32[np.ndarray, "sequences steps"], Samples]:
         """Return the discounted returns, and which of them are known well enough.

@@ -51,6 +51,8 @@ def test_a_return_is_the_sum_of_discounted_rewards_of_its_episode() -> None:
     np.testing.assert_allclose(returns, [[2, 2, 8, 8]] * 2)
     np.testing.assert_array_equal(known, [[True] * 4, [False] * 4])
     assert given.success_rate == pytest.approx(1 / 3)  # The end of the round ends no episode.
+    by_time = demonstrations(after=np.array([[GOES_ON, CUT, GOES_ON, CUT]], np.uint8))
+    assert by_time.success_rate is None
 
 
 def test_what_comes_after_a_cut_matters_less_the_farther_it_is() -> None:
