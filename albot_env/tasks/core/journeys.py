@@ -21,7 +21,7 @@ from albot_core.geometry.types import Pose
 from albot_core.ranges import COUNT
 from albot_maps import World, WorldSet
 
-KEPT_BYTES = 256 * 2**20
+KEPT_BYTES = 2**30
 """Size limit of the process-wide cache of journeys (bytes, see `journey_bytes`); the least
 recently used journeys are dropped and made again when needed."""
 ASSUMED_BYTES = 256 * 2**10

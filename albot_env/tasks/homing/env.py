@@ -31,7 +31,7 @@ class HomingEnv(SingleEnv[HomingTask]):
         At rest at the end of an outward journey. World and start are drawn, or chosen by
         `options`, as in `Albot/Explore-v0`; the start is the start of the journey. The journey is
         drawn from `journeys` journeys per start. Each journey is made when it is first drawn,
-        which takes a second or more, and the most recently used 256 MiB of them are cached. Where
+        which takes a second or more, and the most recently used GiB of them is cached. Where
         it leads is a function of its world, start and number alone, whatever the robot carries,
         maps and observes. All noise after it is the episode's own.
 

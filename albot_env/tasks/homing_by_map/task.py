@@ -40,8 +40,9 @@ from albot_maps.geodesic import DistanceField
 
 _GIVEN, _MORE_DOORS = -2, -1
 """Worlds that are changed: the one that was given, and that with more doors."""
-_KEPT = 64
-"""Number of plans of changes that are kept."""
+_KEPT = 512
+"""Number of plans of changes that are kept: with fewer than a training has worlds and starts, the
+changed worlds are new each time, and so are the journeys in them."""
 _TRIES = 3
 """Number of journeys that are made until a change is possible."""
 

@@ -43,7 +43,7 @@ class PlaceRecognitionEnv(SingleEnv[PlaceRecognitionTask]):
         At the second arrival of a tour. World and start are drawn, or chosen by `options`, as in
         `Albot/Explore-v0`; the start is the start of the tour. The tour is drawn from `journeys`
         tours per start. Each tour is made when it is first drawn, which takes a second or two,
-        and the most recently used 256 MiB of them are cached. A tour is a function of its world,
+        and the most recently used GiB of them is cached. A tour is a function of its world,
         start and number alone.
 
     Episode end:

@@ -172,6 +172,6 @@ def test_new_journeys_are_made_once_for_robots_that_are_compared(
     assert others[1].world is twin
 
 
-def test_the_process_keeps_a_quarter_of_a_gigabyte() -> None:
-    assert journeys.JOURNEY_CACHE.limit == KEPT_BYTES == 2**28
-    assert JourneyCache().room_for("never made") == 1024
+def test_the_process_keeps_a_gibibyte() -> None:
+    assert journeys.JOURNEY_CACHE.limit == KEPT_BYTES == 2**30
+    assert JourneyCache().room_for("never made") == 4096
