@@ -10,6 +10,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
+from weakref import WeakValueDictionary
 
 from albot_core.errors import InputError, MissingFileError, did_you_mean
 from albot_core.files import exists
@@ -25,6 +26,9 @@ PICTURES = {".pgm", ".png", ".ppm", ".pbm", ".pnm", ".bmp", ".gif", ".jpg", ".jp
 KEPT = 256
 """Number of a set's most recently used worlds that stay in memory; others are loaded again."""
 
+_RANDOM: WeakValueDictionary[tuple[str, float], World] = WeakValueDictionary()
+"""The random worlds in use, by spec and radius. Who asks for one again gets the same object, and so
+shares what is cached for it, such as the journeys in it."""
 _MOST = 1_000_000_000
 """Largest number of random worlds in a set."""
 _RANGE = re.compile(
@@ -52,7 +56,10 @@ def load_world(spec: str | Path, robot_radius: float = ROBOT_RADIUS) -> World:
     """
     spec = str(spec)
     if spec.startswith(PREFIX):
-        return parse_spec(spec).make(robot_radius)
+        world = _RANDOM.get((spec, robot_radius))
+        if world is None:
+            world = _RANDOM[spec, robot_radius] = parse_spec(spec).make(robot_radius)
+        return world
     names = catalogue_names()
     if spec in names:
         text = (_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8")

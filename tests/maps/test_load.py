@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import gzip
 import lzma
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -90,11 +92,12 @@ def test_a_world_is_made_once_and_only_when_asked_for(monkeypatch: pytest.Monkey
 def test_worlds_not_needed_for_long_are_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "KEPT", 2)
     worlds = load_worlds("random:ring:0..3")
-    first = worlds[0]
+    first, walls = weakref.ref(worlds[0]), worlds[0].walls
     assert worlds[1] is worlds[1]
     worlds[2]
-    assert worlds[0] is not first
-    np.testing.assert_array_equal(worlds[0].walls, first.walls)
+    gc.collect()
+    assert first() is None
+    np.testing.assert_array_equal(worlds[0].walls, walls)
 
 
 @pytest.mark.parametrize(
@@ -124,3 +127,15 @@ def test_numbers_beyond_the_set_are_refused() -> None:
 def test_worlds_come_in_turn() -> None:
     worlds = load_worlds("random:maze:3..5")
     assert [world.name for world in worlds] == ["maze-3", "maze-4", "maze-5"]
+
+
+def test_a_random_world_in_use_is_made_once():
+    first = load_world("random:office:3")
+    assert load_world("random:office:3") is first
+    assert load_worlds("random:office:2..3")[1] is first  # So what is cached for it is shared.
+    assert load_world("random:office:3", 0.2) is not first
+    walls = first.walls.copy()
+    del first
+    gc.collect()
+    assert not module._RANDOM  # Nobody keeps it.
+    np.testing.assert_array_equal(load_world("random:office:3").walls, walls)
