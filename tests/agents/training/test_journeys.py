@@ -60,7 +60,7 @@ def test_few_journeys_and_one_thread_are_no_reason_to_start_processes(
 
 
 def test_what_cannot_be_kept_is_not_laid_in(two_rooms: World) -> None:
-    for count, missing in ((0, 0), (512, 1024), (513, 0)):
+    for count, missing in ((0, 0), (2048, 4096), (2049, 0)):
         batch: Any = gymnasium.make_vec(TASK, 2, **settings(two_rooms, journeys=count))
         assert len(batch.missing_journeys()) == missing
     explorers: Any = gymnasium.make_vec("Albot/Explore-v0", 2, world=two_rooms, mapper="none")
