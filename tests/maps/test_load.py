@@ -91,6 +91,7 @@ def test_a_world_is_made_once_and_only_when_asked_for(monkeypatch: pytest.Monkey
 
 def test_worlds_not_needed_for_long_are_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "KEPT", 2)
+    monkeypatch.setattr(module, "_RANDOM", weakref.WeakValueDictionary())  # Others may keep theirs.
     worlds = load_worlds("random:ring:0..3")
     first, walls = weakref.ref(worlds[0]), worlds[0].walls
     assert worlds[1] is worlds[1]
@@ -129,7 +130,8 @@ def test_worlds_come_in_turn() -> None:
     assert [world.name for world in worlds] == ["maze-3", "maze-4", "maze-5"]
 
 
-def test_a_random_world_in_use_is_made_once():
+def test_a_random_world_in_use_is_made_once(monkeypatch):
+    monkeypatch.setattr(module, "_RANDOM", weakref.WeakValueDictionary())  # Others may keep theirs.
     first = load_world("random:office:3")
     assert load_world("random:office:3") is first
     assert load_worlds("random:office:2..3")[1] is first  # So what is cached for it is shared.
