@@ -67,6 +67,14 @@ def test_what_cannot_be_kept_is_not_laid_in(two_rooms: World) -> None:
     assert explorers.missing_journeys() == []
 
 
+def test_environments_share_the_journeys_of_a_random_world() -> None:
+    world = "random:ring:0?starts=1"
+    first: Any = gymnasium.make_vec(TASK, 1, **settings(world, journeys=1))
+    first.reset(seed=1)
+    second: Any = gymnasium.make_vec(TASK, 1, **settings(world, journeys=1))
+    assert second.missing_journeys() == []
+
+
 def test_worlds_that_robots_share_are_gone_through_once(two_rooms: World) -> None:
     both = WorldSet((two_rooms, "random:maze:1"))
     batch: Any = gymnasium.make_vec(TASK, 3, **settings([both, both, two_rooms]))

@@ -237,19 +237,19 @@ def _draw_trail(i: int, trail: RaggedRows, view: _View, patch: np.ndarray) -> No
     end.
     """
     count, points, jump = trail.counts[i], trail.rows[i], _JUMP / view.cell
-    most = 0
+    shown = 0
     for k in range(count):
-        most += _is_shown(place_in(points[k, 0], points[k, 1], view), view)
-    earlier, u, v = 0, math.inf, math.inf
+        shown += _is_shown(place_in(points[k, 0], points[k, 1], view), view)
+    rank, u, v = 0, math.inf, math.inf
     for k in range(count):
         end_u, end_v = place_in(points[k, 0], points[k, 1], view)
         if abs(end_u - u) + abs(end_v - v) <= jump:
-            # A line may cross the square of which no position is shown.
-            draw_line((u, v), (end_u, end_v), earlier / max(most, 1), view.cells, patch)
+            # A line may cross a square on which no position lies.
+            draw_line((u, v), (end_u, end_v), rank / max(shown, 1), view.cells, patch)
         u, v = end_u, end_v
         if _is_shown((u, v), view):
-            earlier += 1
-            _show(int(u), int(v), earlier / most, view.cells, patch)
+            rank += 1
+            _show(int(u), int(v), rank / shown, view.cells, patch)
 
 
 @kernel()
