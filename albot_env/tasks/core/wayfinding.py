@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
-from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, POSITIVE, SHARE, Range, check_fields
 from albot_core.robot import PIONEER_3DX
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
@@ -55,6 +55,12 @@ class WayfindingConfig:
     straight line (m)."""
     every: int = 5
     """Number of steps between searches."""
+    new_share: float = 0.0
+    """Minimum share of new ground, neither covered nor occupied, around the goal of a path to
+    uncovered ground, so that a path leads past slivers to the next room. Only if there is no such
+    goal does it lead to any uncovered ground; 0 for any from the beginning."""
+    about: float = 0.8
+    """Half the side of the square around a goal in which ground counts for `new_share` (m)."""
 
     def __post_init__(self) -> None:
         sizes = (
@@ -66,10 +72,12 @@ class WayfindingConfig:
             "first",
             "last",
             "ahead",
+            "about",
         )
         check_fields(self, POSITIVE, *sizes)
         check_fields(self, _WORTH, "worth")
         check_fields(self, FROM_ONE, "every")
+        check_fields(self, SHARE, "new_share")
         self._check("comfort_clearance", self.clearance)
         self._check("last", self.first)
         self.search(PIONEER_3DX.radius)
@@ -114,6 +122,8 @@ class WayfindingConfig:
             ahead=self.ahead,
             at_goal=NEAR_BY,
             worth=self.worth,
+            new_share=self.new_share,
+            about=self.about,
         )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import compose, length_of, transform_point
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import (
+    BLOCKED,
     FREE,
     STEP,
     TARGET,
@@ -91,6 +92,10 @@ class SearchParams(NamedTuple):
     at_goal: float
     """A way that ends within this distance of home leads home."""
     worth: float
+    new_share: float
+    """Minimum share of new ground around a goal…"""
+    about: float
+    """…within a square of twice this side around it."""
 
 
 @kernel(arrays=True)
@@ -186,28 +191,42 @@ def find_onward(
 ) -> None:
     """Find robot i's shortest way, through cells seen to be free, to uncovered ground.
 
+    Ground with much new ground around it comes first; if there is none, any uncovered ground.
+    """
+    _forget_way(occupancy.onwards[i])
+    if not _search_onward(occupancy, i, search, covered, search.new_share):
+        if search.new_share > 0.0:
+            _search_onward(occupancy, i, search, covered, 0.0)
+
+
+@kernel(arrays=True)
+def _search_onward(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, covered: CoverageGrid, least: float
+) -> bool:
+    """Find the shortest way to ground with at least this share of new ground around it, if any.
+
     The search starts with a small range, which is much faster, and doubles the range while it
     finds nothing and may be limited by the range.
     """
     way, grid = occupancy.onwards[i], occupancy_of(occupancy, i)
-    _forget_way(way)
     start = _cell(grid, occupancy.beliefs[i], search.cell)
     around, goes_on = search.first, True
     while goes_on:
         low, high = _box(grid, start, start, int(around / search.cell))
         if not _is_inside(start, low, high, search):
-            return
+            return False
         part = grid[low[0] : high[0], low[1] : high[1]].copy()
-        _mark_uncovered(part, low, grid.shape[0] // 2, search.cell, covered, i)
+        _mark_uncovered(part, low, grid.shape[0] // 2, search, covered, i, least)
         before = np.empty(part.shape, np.int64)
         here = start[0] - low[0], start[1] - low[1]
         ways, last = search_grid(part, here, search.radii, before, False, _NOWHERE)
         if last[0] >= 0:
             _tell_way(part, low, grid.shape[0] // 2, trace_path(ways, before, last), search, way)
             way[LENGTH] = ways[last] / STEP * search.cell
-            return
+            return True
         goes_on = around < search.last and _comes_to_the_edge(ways, int(search.radii[1]))
         around = min(2 * around, search.last)
+    return False
 
 
 @kernel(arrays=True)
@@ -230,20 +249,55 @@ def pick_onward(occupancy: OccupancyGrids, i: int) -> np.ndarray:
 
 @kernel()
 def _mark_uncovered(
-    part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: CoverageGrid, i: int
+    part: np.ndarray,
+    low: tuple[int, int],
+    half: int,
+    search: SearchParams,
+    covered: CoverageGrid,
+    i: int,
+    least: float,
 ) -> None:
     """Mark the free cells of a part of a grid that are uncovered and inside the coverage grid.
 
-    `low` is the part's first cell; `half` is the number of cells before the map's origin.
+    Of the square around each, at least the share `least` must be new. `low` is the part's first
+    cell; `half` is the number of cells before the map's origin.
     """
-    extent = covered.sides[i] / 2 * covered.cell
+    extent, cell = covered.sides[i] / 2 * covered.cell, search.cell
     for row in range(part.shape[0]):
         y = (low[0] + row - half + 0.5) * cell
         for column in range(part.shape[1]):
             x = (low[1] + column - half + 0.5) * cell
             could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
             if could_be and not is_covered(covered, i, x, y):
-                part[row, column] = TARGET
+                place = row, column
+                if least <= 0.0 or _new_share(part, place, (x, y), search, covered, i) >= least:
+                    part[row, column] = TARGET
+
+
+@kernel()
+def _new_share(
+    part: np.ndarray,
+    place: tuple[int, int],
+    point: tuple[float, float],
+    search: SearchParams,
+    covered: CoverageGrid,
+    i: int,
+) -> float:
+    """Return the share of the square around a cell that is neither covered nor blocked.
+
+    Of the square, only a grid of 5 × 5 points is looked at.
+    """
+    new = 0
+    for down in range(-2, 3):
+        dy = down * search.about / 2
+        row = place[0] + int(round(dy / search.cell))
+        for right in range(-2, 3):
+            dx = right * search.about / 2
+            column = place[1] + int(round(dx / search.cell))
+            inside = 0 <= row < part.shape[0] and 0 <= column < part.shape[1]
+            blocked = inside and part[row, column] == BLOCKED
+            new += not blocked and not is_covered(covered, i, point[0] + dx, point[1] + dy)
+    return new / 25
 
 
 @kernel()

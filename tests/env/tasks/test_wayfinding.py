@@ -179,10 +179,37 @@ def test_ground_not_covered_is_looked_for_farther_and_farther(last, is_found) ->
 
 
 @pytest.mark.parametrize(
+    ("new_share", "end", "leads_ahead"),
+    [(0.0, 12.0, False), (0.75, 12.0, True), (0.75, 4.9, False)],
+    ids=["any ground", "much new ground", "nothing but slivers"],
+)
+def test_the_way_on_leads_past_slivers_as_long_as_there_is_more(
+    new_share, end, leads_ahead
+) -> None:
+    """In a hall it has been 3 m ahead, and is back near two corners that it has not quite seen."""
+    hall = [(-2.2, -1.2, end, -1.2), (-2.2, 1.2, end, 1.2)]
+    hall += [(x, -1.2, x, 1.2) for x in (-2.2, end)]
+    walls, robot = np.array(hall), Robot(replace(CONFIG, new_share=new_share))
+    at = np.zeros(3)
+    robot.look(at, walls, laser=ALL_ROUND)
+    for step in (0.3, -0.3):
+        for _ in range(10):
+            motion = np.array((step, 0.0, 0.0))
+            at = at + motion
+            robot.look(at, walls, motion=motion, laser=ALL_ROUND)
+    robot.look_again(at, walls)
+    x, y = robot.ways.onward
+    assert (x > 1.0) == leads_ahead
+    assert (x < -0.5) != leads_ahead
+    assert abs(y) < 1.2
+
+
+@pytest.mark.parametrize(
     "wrong",
     [
         {"worth": 0.9}, {"worth": np.nan}, {"every": 0}, {"cell": 0.0}, {"comfort_clearance": 0.02},
         {"margin": 0.5}, {"first": 0.3}, {"last": 7.0},
+        {"new_share": 1.1}, {"about": 0.0},
     ],
 )  # fmt: skip
 def test_settings_that_are_none_are_refused(wrong) -> None:
