@@ -194,9 +194,9 @@ def find_onward(
     Ground with much new ground around it comes first; if there is none, any uncovered ground.
     """
     _forget_way(occupancy.onwards[i])
-    if not _search_onward(occupancy, i, search, covered, search.new_share):
-        if search.new_share > 0.0:
-            _search_onward(occupancy, i, search, covered, 0.0)
+    found = _search_onward(occupancy, i, search, covered, search.new_share)
+    if not found and search.new_share > 0.0:
+        _search_onward(occupancy, i, search, covered, 0.0)
 
 
 @kernel(arrays=True)
@@ -290,10 +290,10 @@ def _new_share(
     new = 0
     for down in range(-2, 3):
         dy = down * search.about / 2
-        row = place[0] + int(round(dy / search.cell))
+        row = place[0] + round(dy / search.cell)
         for right in range(-2, 3):
             dx = right * search.about / 2
-            column = place[1] + int(round(dx / search.cell))
+            column = place[1] + round(dx / search.cell)
             inside = 0 <= row < part.shape[0] and 0 <= column < part.shape[1]
             blocked = inside and part[row, column] == BLOCKED
             new += not blocked and not is_covered(covered, i, point[0] + dx, point[1] + dy)
