@@ -2,7 +2,8 @@
 
 All agents meet the same offices, starts and outward journeys, which none of the trained ones saw in
 training. `patch-homing` acts in `Albot/HomingByMap-v0`, where nothing has changed, the others in
-`Albot/Homing-v0`.
+`Albot/Homing-v0`. Agents of several trainings with the same plan make one row, so that what is
+compared is the plan and not the luck of one seed.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ import numpy as np
 from albot_agents.evaluation.plan import Trial, parse_seeds
 from albot_agents.evaluation.summary import summarise
 from albot_agents.evaluation.trial import Outcome, run_trial
-from albot_agents.registry import find_agent
+from albot_agents.registry import check_agent, find_agent
+from albot_agents.training.learning_curve import SEED_FOLDERS
+from albot_agents.training.run_files import LAST_AGENT
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
+from albot_core.errors import InputError
 from albot_core.files import atomic_write, write_text
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
@@ -29,82 +33,136 @@ from albot_env.tasks.homing_by_map.changes import ChangesConfig
 from albot_env.tasks.homing_by_map.task import HomingByMapConfig
 from albot_maps.generators.spec import seeded
 
-AGENTS = {
-    "oracle": "Albot/Homing-v0",
-    "albot1-homing": "Albot/Homing-v0",
-    "patch-homing": "Albot/HomingByMap-v0",
-    "homing-blind": "Albot/Homing-v0",
-    "homing-mapless": "Albot/Homing-v0",
-    "path-integration": "Albot/Homing-v0",
-}
-"""The agents, and the task in which each acts."""
+HOMING, BY_MAP = "Albot/Homing-v0", "Albot/HomingByMap-v0"
+AGENTS = (
+    "oracle",
+    "albot1-homing",
+    "homing",
+    "patch-homing",
+    "homing-blind",
+    "homing-mapless",
+    "path-integration",
+)
+"""The agents that are measured if none are named."""
 LENGTHS = 10.0, 20.0, 40.0, 80.0, 160.0
 """Lengths of the outward journeys (m)."""
 _UNCHANGED = ChangesConfig(door_shut=0.0, door_opened=0.0, carried=0.0, furniture_moved=0.0)
 
 
+def trained_files(name: str) -> tuple[str, ...]:
+    """Return the agents of a row: one by its name or file, or those of a folder's trainings.
+
+    Raises:
+        InputError: The folder holds no training that has ended.
+    """
+    folder = Path(name)
+    if not name or not folder.is_dir():
+        return (name,)
+    files = sorted(folder.glob(f"{SEED_FOLDERS}*/{LAST_AGENT}"))
+    if not files:
+        expected = f"a folder of `albot train --seeds`, with {SEED_FOLDERS}*/{LAST_AGENT}"
+        raise InputError(folder, expected, "none")
+    return tuple(map(str, files))
+
+
 def plan_trial(agent: str, length: float, world: str, seed: int) -> Trial:
-    """Plan an agent's episode after an outward journey of some length (m)."""
-    task, outing = AGENTS[agent], OutwardJourneyConfig(shortest=length, longest=length)
-    config: Any = HomingConfig(outing=outing)
-    if task == "Albot/HomingByMap-v0":
-        config = HomingByMapConfig(outing=outing, changes=_UNCHANGED)
+    """Plan an agent's episode after an outward journey of some length (m).
+
+    Raises:
+        InputError: There is no such agent, or it comes home in neither task.
+    """
+    outing = OutwardJourneyConfig(shortest=length, longest=length)
+    task, config = HOMING, HomingConfig(outing=outing)
+    if not find_agent(agent).attempts(HOMING):
+        check_agent(agent, BY_MAP)
+        task, config = BY_MAP, HomingByMapConfig(outing=outing, changes=_UNCHANGED)
     # There is one journey from each start, so all agents meet the same.
     settings = find_agent(agent).environment(task, {"config": config, "journeys": 1})
     return Trial(task=task, agent=agent, world=world, seed=seed, settings=settings)
 
 
 def measure(
-    agents: Sequence[str], lengths: Sequence[float], worlds: str, seeds: range
+    rows: Sequence[str], lengths: Sequence[float], worlds: str, seeds: range
 ) -> list[dict[str, Any]]:
     """Let agents drive home in each world after journeys of each length.
 
+    Args:
+        rows: The agents: names, files, or folders with the trainings of several seeds.
+        lengths: Lengths of the outward journeys (m).
+        worlds: World spec; each seed is a world.
+        seeds: Seeds of worlds and episodes.
+
     Returns:
         One row per agent and length.
+
+    Raises:
+        InputError: There is no such agent, folder or world.
     """
-    outcomes: dict[tuple[str, float], list[Outcome]] = {
-        (agent, length): [] for agent in agents for length in lengths
+    agents = {row: trained_files(row) for row in rows}
+    outcomes: dict[tuple[str, str, float], list[Outcome]] = {
+        (row, agent, length): []
+        for row, files in agents.items()
+        for agent in files
+        for length in lengths
     }
+    for _, agent, length in outcomes:
+        plan_trial(agent, length, worlds, seeds[0])  # An unknown one is refused before any drives.
     with progress("homing", len(outcomes) * len(seeds), "episodes") as tell:
         for seed in seeds:
             world = seeded(worlds, seed)
-            for done, ((agent, length), ends) in enumerate(outcomes.items()):
-                tell((seed - seeds[0]) * len(outcomes) + done, f"{agent}, {length:g} m")
+            for done, ((row, agent, length), ends) in enumerate(outcomes.items()):
+                tell((seed - seeds[0]) * len(outcomes) + done, f"{row}, {length:g} m")
                 ends.append(run_trial(plan_trial(agent, length, world, seed)))
-    return [_row(agent, length, ends) for (agent, length), ends in outcomes.items()]
+    return [
+        _row(row, length, [outcomes[row, agent, length] for agent in agents[row]])
+        for row in rows
+        for length in lengths
+    ]
 
 
-def _row(agent: str, length: float, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    figures = summarise(outcomes)
-    return {
-        "agent": agent,
+def _row(name: str, length: float, trainings: Sequence[Sequence[Outcome]]) -> dict[str, Any]:
+    """Return the figures of an agent, or the means of its trainings with their least and greatest.
+
+    The trainings meet the same episodes, so these together are no larger a sample.
+    """
+    figures = [summarise(outcomes) for outcomes in trainings]
+    row = {
+        "agent": Path(name).name if len(trainings) > 1 else name,
+        "trainings": len(trainings),
         "length": length,
-        "episodes": len(outcomes),
-        "distance_home": figures["mean_initial_distance_m"],
-        "success": figures["success_rate"],
-        "success_ci95": figures["ci95"],
-        "spl": figures["spl"],
-        "spl_ci95": figures["spl_ci95"],
+        "episodes": len(trainings[0]),
+        "distance_home": figures[0]["mean_initial_distance_m"],
     }
+    for figure, interval in (("success_rate", "ci95"), ("spl", "spl_ci95")):
+        each = [its[figure] for its in figures]
+        column = figure.removesuffix("_rate")
+        row[column] = sum(each) / len(each)
+        alone = len(each) == 1
+        row[f"{column}_range"] = figures[0][interval] if alone else [min(each), max(each)]
+    return row
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the rows as Markdown: one table for success and one for SPL."""
+    """Return the rows as Markdown: one table for success and one for SPL.
+
+    In brackets stand 95 % intervals, and the least and the greatest of several trainings.
+    """
     lengths = list(dict.fromkeys(row["length"] for row in rows))
     of = {(row["agent"], row["length"]): row for row in rows}
     agents = list(dict.fromkeys(row["agent"] for row in rows))
     lines = []
     for title, name, style in (("success", "success", ".0%"), ("SPL", "spl", ".2f")):
         lines += [
-            f"| {title} (95 %) | " + " | ".join(f"{length:g} m" for length in lengths) + " |",
+            f"| {title} | " + " | ".join(f"{length:g} m" for length in lengths) + " |",
             "|---|" + "---|" * len(lengths),
         ]
         for agent in agents:
-            cells = []
+            cells, trainings = [], of[agent, lengths[0]]["trainings"]
             for row in (of[agent, length] for length in lengths):
-                low, high = row[f"{name}_ci95"]
+                low, high = row[f"{name}_range"]
                 cells.append(f"{row[name]:{style}} ({low:{style}} to {high:{style}})")
-            lines.append(f"| {agent} | " + " | ".join(cells) + " |")
+            label = f"{agent}, {trainings} trainings" if trainings > 1 else agent
+            lines.append(f"| {label} | " + " | ".join(cells) + " |")
         lines.append("")
     means = (of[agents[0], length]["distance_home"] for length in lengths)
     lines.append("Mean length of the shortest way home: " + ", ".join(f"{m:.1f} m" for m in means))
@@ -118,17 +176,23 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
 
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
-    agents, markers = list(dict.fromkeys(row["agent"] for row in rows)), "so^vDP"
+    agents, markers = list(dict.fromkeys(row["agent"] for row in rows)), "so^vDP<>X*"
     for axes, name, title in zip(panels, ("success", "spl"), ("success", "SPL"), strict=True):
         for k, agent in enumerate(agents):
             its = [row for row in rows if row["agent"] == agent]
             middle = np.array([row[name] for row in its])
-            low, high = np.transpose([row[f"{name}_ci95"] for row in its])
+            low, high = np.transpose([row[f"{name}_range"] for row in its])
             # Beside each other, so that no interval hides another.
             lengths = np.array([row["length"] for row in its]) * 1.03 ** (k - len(agents) / 2)
             spread = np.maximum(0.0, (middle - low, high - middle))
             axes.errorbar(
-                lengths, middle, spread, fmt=f"{markers[k]}-", ms=5, capsize=2, label=agent
+                lengths,
+                middle,
+                spread,
+                fmt=f"{markers[k % len(markers)]}-",
+                ms=5,
+                capsize=2,
+                label=agent,
             )
         axes.set_xscale("log")
         lengths = sorted({row["length"] for row in rows})
@@ -144,7 +208,10 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
 
 @click.command()
 @click.option(
-    "--agent", "agents", multiple=True, type=click.Choice(list(AGENTS)), help="Only this."
+    "--agent",
+    "agents",
+    multiple=True,
+    help="Only this: a name, a file, or a folder of `albot train --seeds`, all seeds in one row.",
 )
 @click.option("--length", "lengths", multiple=True, type=float, help="Only journeys of this (m).")
 @click.option("--worlds", default="random:office", show_default=True)
@@ -162,7 +229,7 @@ def command(
     as_json: bool,
 ) -> None:
     """Measure how often agents come home after journeys of several lengths."""
-    rows = measure(agents or tuple(AGENTS), lengths or LENGTHS, worlds, parse_seeds(seeds))
+    rows = measure(agents or AGENTS, lengths or LENGTHS, worlds, parse_seeds(seeds))
     if out is not None:
         write_text(out, table(rows))
     if png is not None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from albot_agents.evaluation.trial import Outcome
+from albot_agents.trained.trained_agent import shipped_agents
 from albot_core.errors import InputError
 from albot_studies import homing_distances
 from albot_studies.homing_distances import AGENTS, command, plan_trial, table
@@ -70,7 +73,39 @@ def test_the_command_counts_successes_by_agent_and_length(tmp_path, monkeypatch)
     assert isinstance(wrong.exception, InputError)
 
 
-def test_an_unknown_agent_is_refused() -> None:
-    wrong = CliRunner().invoke(command, ["--agent", "orakle"])
-    assert wrong.exit_code == 2
-    assert "orakle" in wrong.output
+def test_trainings_with_several_seeds_make_one_row(tmp_path, monkeypatch) -> None:
+    """Of two trainings one always comes home and one in half of the episodes: 75 % of them."""
+    for seed in (0, 1):
+        (tmp_path / "runs" / f"seed-{seed}").mkdir(parents=True)
+        shutil.copy(shipped_agents()["homing"], tmp_path / "runs" / f"seed-{seed}" / "last.albot")
+
+    def run(trial) -> Outcome:
+        home = "seed-0" in trial.agent or trial.seed % 2 == 0
+        info = {"is_success": home, "spl": 0.8 * home, "soft_spl": 0.5, "position_error": 0.0}
+        here = np.zeros(3)
+        return Outcome(
+            trial=trial, info=info | {"initial_distance_home": 7.0}, start=here, begin=here,
+            path=np.zeros((2, 2)), collisions=0,
+        )  # fmt: skip
+
+    monkeypatch.setattr(homing_distances, "run_trial", run)
+    words = ["--agent", str(tmp_path / "runs"), "--length", "10", "--seeds", "6..9"]
+    done = CliRunner().invoke(command, [*words, "--png", str(tmp_path / "a.png")])
+    assert done.exit_code == 0, done.output
+    assert "| runs, 2 trainings | 75% (50% to 100%) |" in done.stdout
+    assert "| runs, 2 trainings | 0.60 (0.40 to 0.80) |" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("agent", "found"), [("orakle", "orakle"), ("gap-explorer", "gap-explorer"), ("", "nothing")]
+)
+def test_who_does_not_come_home_is_refused(agent, found) -> None:
+    wrong = CliRunner().invoke(command, ["--agent", agent])
+    assert isinstance(wrong.exception, InputError)
+    assert found in str(wrong.exception)
+
+
+def test_a_folder_without_trainings_is_refused(tmp_path) -> None:
+    wrong = CliRunner().invoke(command, ["--agent", str(tmp_path)])
+    assert isinstance(wrong.exception, InputError)
+    assert "albot train --seeds" in str(wrong.exception)

@@ -28,8 +28,8 @@ _PACKAGES = (
     "albot-env", "gymnasium", "numba", "numpy", "pymunk", "sb3-contrib", "stable-baselines3",
     "torch",
 )  # fmt: skip
-
-
+LAST_AGENT = "last.albot"
+"""Name of the file of the last checkpoint's agent."""
 FIGURES = ("is_success", "spl", "coverage", "distance_home")
 """Values of an episode's last info that the log keeps, if the task has them."""
 _COLUMNS = ("r", "l", "t", *FIGURES)
@@ -89,7 +89,7 @@ class RunFolder:
     @property
     def last(self) -> Path:
         """The agent of the last checkpoint."""
-        return self.path / "last.albot"
+        return self.path / LAST_AGENT
 
     def begin(self, plan: TrainingPlan, command: str) -> None:
         """Make the folder of a new run.
