@@ -99,6 +99,11 @@ class Demonstrations:
         episodes = ended + (after[:, :-1] == CUT).sum()
         return float((after == SUCCEEDED).sum() / episodes) if ended else None
 
+    @property
+    def shows_an_end(self) -> bool:
+        """Whether any episode came to its end, be it by a time limit, before its round did."""
+        return bool(self.begins[:, 1:].any() or (self.after >= FAILED).any())
+
     def returns(self, gamma: float) -> tuple[Float32[np.ndarray, "sequences steps"], Samples]:
         """Return the discounted returns, and which of them are known well enough.
 

@@ -60,8 +60,11 @@ class Pretraining:
         assert plan.pretrain is not None
         self._plan, self._pretrain, self._learner, self._path = plan, plan.pretrain, learner, path
         self._settings = pretraining_settings(plan)
+        self._warn: Report = lambda text: None
 
-    def run(self, report: Report = lambda note: None) -> dict[str, float | int | None]:
+    def run(
+        self, report: Report = lambda note: None, warn: Report = lambda text: None
+    ) -> dict[str, float | int | None]:
         """Pretrain; return `samples`, the agent's `success_rate` and the last epoch's figures.
 
         The success rate is that of the agent alone, None if no episode ended; the others are those
@@ -69,10 +72,12 @@ class Pretraining:
 
         Args:
             report: Called with the progress as text.
+            warn: Called if no episode was shown to its end, so that its end cannot be learnt.
 
         Raises:
             InputError: Saved demonstrations are damaged or do not fit; or they cannot be saved.
         """
+        self._warn = warn
         figures = (
             self._clone_file(Path(self._pretrain.demonstrations), report)
             if self._pretrain.demonstrations
@@ -150,6 +155,12 @@ class Pretraining:
         self, cloner: Cloner, demonstrations: Demonstrations, k: int, report: Report
     ) -> dict[str, float | int | None]:
         """Let the policy learn from the demonstrations of all rounds up to round k."""
+        if k == 0 and not demonstrations.shows_an_end:
+            steps = demonstrations.rewards.shape[1]
+            self._warn(
+                f"pretrain: no episode ended within the {steps:,} steps of a round; fewer n_envs, "
+                "or more steps, show the ends of episodes"
+            )
         rng = np.random.default_rng(self._entropy(k))
         figures = cloner.learn(demonstrations, rng, lambda note: report(f"{self._round(k)}{note}"))
         told = {"samples": demonstrations.count, "success_rate": demonstrations.success_rate}

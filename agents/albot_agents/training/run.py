@@ -76,6 +76,7 @@ class TrainingRun:
     ) -> None:
         self._folder, self._plan, self._command = folder, plan, folder.command
         self._report: ProgressReport = lambda done, note: None
+        self._warn = warn
         found = newest_checkpoint(folder.checkpoints, warn)
         self._resumed = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
         self._exporter = AgentExporter(plan)
@@ -89,7 +90,7 @@ class TrainingRun:
         if found is not None:
             path, checkpoint = found
             restore(self.learner, checkpoint, path)
-            self._warn_if_nothing_is_learnt(warn)
+            self._warn_if_nothing_is_learnt()
             self._curriculum.seed(self._next_seed())
         # The first checkpoint comes after the pretraining.
         self._pretrains = found is None and plan.pretrain is not None
@@ -101,12 +102,12 @@ class TrainingRun:
         self._episode_log = EpisodeLog(folder.monitor, plan.task, int(self._resumed["monitor"]))
         self._snapshot = self._take_snapshot()
 
-    def _warn_if_nothing_is_learnt(self, warn: Callable[[str], None]) -> None:
+    def _warn_if_nothing_is_learnt(self) -> None:
         """Warn if the resumed run ends before its replay buffer is filled again."""
         samples, last = self.learner.num_timesteps, self._plan.n_timesteps
         first = getattr(self.learner, "learning_starts", 0)  # On-policy learners have none.
         if samples < last <= first:
-            warn(
+            self._warn(
                 f"{self._folder.path}: nothing more is learnt before {first:,} samples; use --steps"
             )
 
@@ -172,7 +173,7 @@ class TrainingRun:
         """Let the policy learn from demonstrations."""
         assert isinstance(self.learner, OnPolicyAlgorithm), "others are refused with the plan"
         pretraining = Pretraining(self._plan, self.learner, self._folder.demonstrations)
-        self._figures = pretraining.run(lambda note: self._report(0, note))
+        self._figures = pretraining.run(lambda note: self._report(0, note), self._warn)
         for name, value in self._figures.items():
             if value is not None:
                 self.learner.logger.record(f"pretrain/{name}", value)

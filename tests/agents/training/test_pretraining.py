@@ -127,6 +127,18 @@ def test_who_knows_the_truth_and_whoever_acts_otherwise_can_be_cloned(
     assert np.isfinite(figures["log_likelihood"])
 
 
+@pytest.mark.parametrize(("longest", "warnings"), [(3, 0), (100, 1)])
+def test_demonstrations_without_the_end_of_an_episode_are_told(
+    longest: int, warnings: int, tmp_path: Path
+) -> None:
+    env = {**CHANGES["env"], "max_episode_steps": longest}
+    folder, plan = begun(tmp_path, **{**CHANGES, "env": env}, n_timesteps=16)
+    told: list[str] = []
+    TrainingRun(folder, plan, told.append).run()
+    assert len(told) == warnings
+    assert all("no episode ended within the 5 steps of a round" in text for text in told)
+
+
 def test_a_clone_is_evaluated_before_it_learns_by_itself(tmp_path: Path) -> None:
     folder, plan = begun(tmp_path, pretrain=PRETRAIN, n_timesteps=16)
     TrainingRun(folder, plan).run()
