@@ -158,14 +158,20 @@ def _strided(cells: int) -> int:
 
 def _convolve(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
     image = numbers.reshape(encoder.shape)
-    for k in range(len(encoder.filters)):
-        rim = (PADDING, PADDING)
-        framed = np.pad(image, ((0, 0), rim, rim))
-        windows = np.lib.stride_tricks.sliding_window_view(framed, (KERNEL, KERNEL), axis=(1, 2))
-        windows = windows[:, ::STRIDE, ::STRIDE]
+    for k, filters in enumerate(encoder.filters):
+        channels, rows, columns = image.shape
+        framed = np.zeros((channels, rows + 2 * PADDING, columns + 2 * PADDING), np.float32)
+        framed[:, PADDING:-PADDING, PADDING:-PADDING] = image
+        rows, columns = _strided(rows), _strided(columns)
+        # All positions of a filter at once: a product of matrices.
+        seen = np.empty((channels, KERNEL, KERNEL, rows, columns), np.float32)
+        for down in range(KERNEL):
+            for right in range(KERNEL):
+                cells = framed[:, down::STRIDE, right::STRIDE]
+                seen[:, down, right] = cells[:, :rows, :columns]
         kernel, bias = (weights[f"{encoder.part}.filter{k}.{name}"] for name in ("weight", "bias"))
-        summed = np.tensordot(kernel, windows, axes=((1, 2, 3), (0, 3, 4)))
-        image = np.maximum(summed + bias[:, np.newaxis, np.newaxis], 0)
+        summed = kernel.reshape(filters, -1) @ seen.reshape(-1, rows * columns)
+        image = np.maximum(summed + bias[:, np.newaxis], 0).reshape(filters, rows, columns)
     return np.asarray(image.ravel(), np.float32)
 
 
