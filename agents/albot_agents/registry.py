@@ -17,7 +17,7 @@ from albot_agents.scripted.exploring import (
     RatSlamExplorer,
     RoundTripAgent,
 )
-from albot_agents.scripted.followers import HintFollower, HomeVectorFollower
+from albot_agents.scripted.followers import HintFollower, HomeVectorFollower, OnwardFollower
 from albot_agents.scripted.homing import (
     Albot0Homing,
     Albot1Homing,
@@ -71,6 +71,9 @@ class AgentEntry:
     """The mapper used in evaluations unless another is requested."""
     sensors: Mapping[str, str] = field(default_factory=dict)
     """The sensors used in evaluations unless others are requested, by name of the setting."""
+    observations: ObservationConfig | None = None
+    """What a scripted agent observes in evaluations unless others are requested; None for
+    the task's default."""
     file: AgentFile | None = None
     """The file of a trained agent; None for a scripted one."""
 
@@ -86,7 +89,8 @@ class AgentEntry:
     def configs(self) -> EnvironmentConfigs:
         """The environment that the agent expects."""
         if self.file is None:
-            return EnvironmentConfigs(ObservationConfig(parts=self.parts), ActionConfig())
+            seen = self.observations or ObservationConfig(parts=self.parts)
+            return EnvironmentConfigs(seen, ActionConfig())
         seen = self.file.observation_config or ObservationConfig()
         return EnvironmentConfigs(seen, self.file.actions)
 
@@ -106,6 +110,11 @@ class AgentEntry:
             config = settings.get("config") or config_kind(task)()
             settings["config"] = replace(config, hints=config.hints or HOMING in self.tasks)
         if self.file is None:
+            if self.observations is not None:
+                usual = config_kind(task)()
+                config = settings.get("config") or usual
+                if config.observations == usual.observations:  # No others are requested.
+                    settings["config"] = replace(config, observations=self.observations)
             return {"mapper": self.mapper, **self.sensors} | settings
         return self.file.environment(task, settings)
 
@@ -190,6 +199,13 @@ AGENTS = {
         summary="Explores by driving to the nearest frontier of the ground that it has covered.",
         make=NearestFrontier,
         uses=_DRIVING,
+        tasks=(EXPLORE,),
+    ),
+    OnwardFollower.name: AgentEntry(
+        summary="Explores by driving straight to the planner's hint, to ground that is new.",
+        make=OnwardFollower,
+        uses=(*OnwardFollower.PARTS, PLACE.name, MATCHES.name),
+        observations=OnwardFollower.OBSERVATIONS,
         tasks=(EXPLORE,),
     ),
     Oracle.name: AgentEntry(

@@ -134,6 +134,7 @@ def test_the_agents_are_these() -> None:
         "home-vector",
         "map-homing",
         "nearest-frontier",
+        "onward-follower",
         "oracle",
         "path-integration",
         "patch-homing",
@@ -197,8 +198,8 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
         (
             "oracle",
             "Albot/Explore-v0",
-            "association-explorer, gap-explorer, nearest-frontier, random, ratslam-explorer, "
-            "exploring",
+            "association-explorer, gap-explorer, nearest-frontier, onward-follower, random, "
+            "ratslam-explorer, exploring",
         ),
     ],
 )

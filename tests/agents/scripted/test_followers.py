@@ -11,9 +11,14 @@ from gymnasium.spaces import Box, Discrete
 from albot_agents.agent import EnvironmentConfigs
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import run_trial
-from albot_agents.registry import make_agent
+from albot_agents.registry import find_agent, make_agent
+from albot_agents.scripted.followers import OnwardFollower
 from albot_core.errors import InputError
-from albot_env.tasks.core.actions import ActionConfig, DeclaringActionConfig
+from albot_env.tasks.core.actions import (
+    ActionConfig,
+    ClaimingActionConfig,
+    DeclaringActionConfig,
+)
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.parts.beliefs import observe_home
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
@@ -97,6 +102,57 @@ def test_the_way_leads_round_walls_and_the_home_vector_ends_at_one(
     )
     info = run_trial(trial).info
     assert info["is_success"] == info["declared"] == comes_home
+
+
+ONWARD = OnwardFollower.OBSERVATIONS
+EXPLORES = EnvironmentConfigs(ONWARD, ClaimingActionConfig())
+
+
+def _explores(
+    onward: tuple[float, float] | None, near: int | None = None, known: bool = False
+) -> tuple[float, float, bool]:
+    """Speed (m/s), turn rate (rad/s) and claim where this point lies on the way on."""
+    shown = {name: np.zeros(shape, np.float32) for name, shape in ONWARD.shapes.items()}
+    shown["onward"][-1], shown["place"][:] = -1.0, (1.0 if known else -1.0, -1.0)
+    if onward is not None:
+        shown["onward"][-1] = 1.0
+        observe_home(np.array((*onward, 0.0)), ONWARD.scales.home, shown["onward"][:3])
+    shown["laser"][:] = -1.0
+    if near is not None:
+        shown["laser"][near] = 0.8
+    agent = make_agent("onward-follower", EXPLORES)
+    agent.reset(np.random.default_rng(0), Box(-1, 1, (3,), np.float32))
+    action, scales = np.asarray(agent.act(shown, {})), EXPLORES.actions
+    return float(action[0]) * scales.speed, float(action[1]) * scales.turn_rate, action[2] > 0
+
+
+def test_the_onward_follower_drives_to_the_hint_and_looks_round_without_one() -> None:
+    assert _explores((2.0, 0.0)) == pytest.approx((0.6, 0.0, False), abs=1e-3)
+    assert _explores((0.0, -2.0)) == pytest.approx((0.0, -1.5, False))
+    assert _explores(None) == pytest.approx((0.0, 1.5, False))
+    assert _explores((2.0, 0.0), known=True)[2]
+    assert _explores((2.0, 0.0), near=80) == pytest.approx((0.08, 1.5, False), abs=1e-5)
+    # What is beside it, in a doorway, does not make it turn away.
+    assert _explores((2.0, 0.0), near=5) == pytest.approx((0.6, 0.0, False), abs=1e-3)
+    bare = EnvironmentConfigs(ObservationConfig(), ActionConfig())
+    with pytest.raises(InputError, match="onward-follower: expected observations with the part"):
+        make_agent("onward-follower", bare)
+
+
+def test_the_onward_follower_enters_the_rooms_of_a_building() -> None:
+    entry = find_agent("onward-follower")
+    settings = entry.environment("Albot/Explore-v0", {"max_episode_steps": 1200})
+    assert settings["config"].observations == ONWARD
+    trial = Trial(
+        task="Albot/Explore-v0",
+        agent="onward-follower",
+        world="random:office:6?rooms=4",
+        seed=6,
+        settings=settings,
+    )
+    info = run_trial(trial).info
+    assert info["rooms_entered"] >= 4
+    assert info["coverage"] > 0.8
 
 
 def test_the_decision_stump_names_the_arrival_that_agrees_most_if_it_agrees_enough() -> None:
