@@ -13,6 +13,7 @@ from albot_agents.scripted.exploring import (
     AssociationExplorer,
     GapExplorerAgent,
     NearestFrontier,
+    OnwardRoundTrip,
     RandomAgent,
     RatSlamExplorer,
     RoundTripAgent,
@@ -42,7 +43,8 @@ from albot_env.tasks.core.observation import (
     HOMING_PARTS,
     ObservationConfig,
 )
-from albot_env.tasks.core.parts.beliefs import CONFIDENCE, PLACE, WAY
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, PLACE, TIME_LEFT, WAY
+from albot_env.tasks.core.parts.ground import ONWARD
 from albot_env.tasks.core.parts.matches import MATCHES
 
 EXPLORE, HOMING, BY_MAP = "Albot/Explore-v0", "Albot/Homing-v0", "Albot/HomingByMap-v0"
@@ -114,7 +116,8 @@ class AgentEntry:
                 usual = config_kind(task)()
                 config = settings.get("config") or usual
                 if config.observations == usual.observations:  # No others are requested.
-                    settings["config"] = replace(config, observations=self.observations)
+                    shows = {"hints": True} if hasattr(config, "hints") else {}
+                    settings["config"] = replace(config, observations=self.observations, **shows)
             return {"mapper": self.mapper, **self.sensors} | settings
         return self.file.environment(task, settings)
 
@@ -207,6 +210,13 @@ AGENTS = {
         uses=(*OnwardFollower.PARTS, PLACE.name, MATCHES.name),
         observations=OnwardFollower.OBSERVATIONS,
         tasks=(EXPLORE,),
+    ),
+    OnwardRoundTrip.name: AgentEntry(
+        summary="Explores by the planner's hint while there is time, and drives home.",
+        make=OnwardRoundTrip,
+        uses=(*_BY_WAY, ONWARD.name, TIME_LEFT.name),
+        observations=OnwardRoundTrip.OBSERVATIONS,
+        tasks=(ROUND_TRIP,),
     ),
     Oracle.name: AgentEntry(
         summary="Knows the true map and pose, and drives the shortest path home: the upper bound.",

@@ -21,8 +21,9 @@ AGENTS = (
     "albot0-homing", "albot1-homing", "association-explorer", "association-homing",
     "decision-stump", "exploring", "gap-explorer", "hint-follower", "home-vector", "homing",
     "homing-blind", "homing-by-map", "homing-mapless", "map-homing", "nearest-frontier",
-    "onward-follower", "oracle", "patch-homing", "path-integration", "place-judge",
-    "place-recognition", "random", "ratslam-explorer", "ratslam-homing", "round-trip",
+    "onward-follower", "onward-round-trip", "oracle", "patch-homing", "path-integration",
+    "place-judge", "place-recognition", "random", "ratslam-explorer", "ratslam-homing",
+    "round-trip",
 )  # fmt: skip
 ODOMETERS = (
     "ideal", "pioneer", "poor", "carpet", "stage", "albot1-disturbed", "bias-1.5", "bias-3",

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.spaces import Discrete, Space
 
 from albot_agents.agent import Action, EnvironmentConfigs
-from albot_agents.scripted.driving import DrivingAgent, steering_for
+from albot_agents.scripted.driving import SENSED_PARTS, DrivingAgent, steering_for
+from albot_agents.scripted.followers import OnwardFollower
 from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.minimal_space_explorer import MinimalSpaceConfig, MinimalSpaceExplorer
 from albot_core.planning.route_explorer import RouteExplorer, RouteExplorerConfig
-from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HOME, TIME_LEFT
+from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HOME, TIME_LEFT, WAY
+
+_ROUND_TRIP_PARTS = (
+    *OnwardFollower.OBSERVATIONS.parts,
+    *SENSED_PARTS,
+    WAY.name,
+    CONFIDENCE.name,
+    TIME_LEFT.name,
+)
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
@@ -116,6 +127,8 @@ class RoundTripAgent:
 
     name: ClassVar[str] = "round-trip"
     knows_truth: ClassVar[bool] = False
+    EXPLORER: ClassVar[type[GapExplorerAgent | OnwardFollower]] = GapExplorerAgent
+    """The agent that explores."""
 
     SPEED = 0.35
     """Expected speed on the way home (m/s)."""
@@ -126,7 +139,7 @@ class RoundTripAgent:
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
         self._observation_config = configs.observations
-        self._explorer = GapExplorerAgent(configs)
+        self._explorer = self.EXPLORER(configs)
         self._homer = Albot1Homing(configs)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
@@ -150,6 +163,29 @@ class RoundTripAgent:
             travel = self.WINDING * float(np.hypot(*home))
         self._returns |= left < self.SPARE + travel / self.SPEED
         return (self._homer if self._returns else self._explorer).act(observation, info)
+
+
+class OnwardRoundTrip(RoundTripAgent):
+    """Explores like `onward-follower`, by the planner's hint, and drives home like `round-trip`.
+
+    Nearly all that it does depends on the present observation alone, so a policy can learn to act
+    like it.
+
+    Args:
+        configs: The environment's configurations of observations and actions.
+
+    Raises:
+        InputError: Observations lack a part that `onward-follower` needs.
+    """
+
+    name: ClassVar[str] = "onward-round-trip"
+    EXPLORER: ClassVar[type[GapExplorerAgent | OnwardFollower]] = OnwardFollower
+
+    OBSERVATIONS: ClassVar[ObservationConfig] = replace(
+        OnwardFollower.OBSERVATIONS,
+        parts=tuple(part for part in PART_NAMES if part in _ROUND_TRIP_PARTS),
+    )
+    """What it observes if nothing else is asked for: the way home too, and the time left."""
 
 
 class RandomAgent:

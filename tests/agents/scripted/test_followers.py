@@ -155,6 +155,22 @@ def test_the_onward_follower_enters_the_rooms_of_a_building() -> None:
     assert info["coverage"] > 0.8
 
 
+def test_the_onward_round_trip_is_home_in_time_with_enough_ground_covered() -> None:
+    entry = find_agent("onward-round-trip")
+    settings = entry.environment("Albot/ExploreAndHome-v1", {})
+    assert settings["config"].hints
+    trial = Trial(
+        task="Albot/ExploreAndHome-v1",
+        agent="onward-round-trip",
+        world="random:office:6?rooms=4",
+        seed=6,
+        settings=settings,
+    )
+    info = run_trial(trial).info
+    assert info["is_success"]
+    assert info["farthest_distance_home"] > 5.0
+
+
 def test_the_decision_stump_names_the_arrival_that_agrees_most_if_it_agrees_enough() -> None:
     config = ArrivalsObservationConfig(most=3)
     agent = make_agent("decision-stump", EnvironmentConfigs(config, ActionConfig()))
