@@ -34,7 +34,7 @@ KEPT_SETTINGS = (
     "robot", "mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config",
 )  # fmt: skip
 """Settings of the environment that determine observations and actions; see `KEPT_CONFIG`."""
-KEPT_CONFIG = ("observations", "actions", "claims", "tour")
+KEPT_CONFIG = ("observations", "actions", "claims", "hints", "tour")
 """Those fields of the setting `config` that determine observations and actions. A tour, whose
 length does, is also what happens in an episode: see `AgentFile.environment`."""
 

@@ -27,6 +27,7 @@ from albot_core.errors import InputError
 from albot_core.plain_data import to_plain
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import STROLL
 
@@ -183,6 +184,19 @@ def test_its_mapper_s_thresholds_are_kept_but_not_for_another_mapper() -> None:
     made = file.environment(TASK, {})
     assert made["mapper_config"] == {"view_spacing": 0.5}
     assert "mapper_config" not in file.environment(TASK, {"mapper": "odometry"})
+
+
+@pytest.mark.parametrize("hints", [True, False])
+def test_an_agent_that_was_shown_hints_is_shown_them_again(hints: bool) -> None:
+    task = "Albot/ExploreAndHome-v1"
+    parts = ("laser", "motion", "home", "way") if hints else ("laser", "motion", "home")
+    seen = ObservationConfig(parts=parts)
+    config = ExploreAndHomeConfig(observations=seen, hints=hints)
+    file = replace(_agent(), task=task, settings=kept_settings(task, {"config": config}, seen))
+    for asked in ({}, {"config": ExploreAndHomeConfig(shortest=60.0)}):
+        made = file.environment(task, asked)
+        assert made["config"].hints == hints
+        gymnasium.make(task, world="square-loop", **made).close()
 
 
 def _npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
