@@ -311,7 +311,8 @@ def _write_seeds(folder: Path) -> None:
 
 def _read_demonstrations(path: Path) -> None:
     made = read_demonstrations(path, LESSON, 3)
-    assert made.first(1).said(ACTIONS).shape == made.returns(0.9)[1].shape
+    (said,) = made.first(1).said(ACTIONS).values()
+    assert said.shape == made.returns(0.9)[1].shape
 
 
 READERS: tuple[Reader, ...] = (

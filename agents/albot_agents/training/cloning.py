@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Int64
+from jaxtyping import Bool, Float32, Int64
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from sb3_contrib.common.recurrent.type_aliases import RNNStates
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -146,11 +146,9 @@ class _Data:
         self._lengths = np.diff(self._first, append=self.count)
         returns, known = given.returns(gamma)
         self.returns, self.known = returns.ravel(), known.ravel().astype(np.float32)
-        self.said = given.said(actions).ravel()
-        share = self.said.mean()
-        wanted = max(plan.said_share, share) if 0 < share < 1 else share
-        each = np.where(self.said, wanted / max(share, 1e-9), (1 - wanted) / max(1 - share, 1e-9))
-        self.weights = each.astype(np.float32)
+        said = [samples.ravel() for samples in given.said(actions).values()]
+        self.said = np.any([np.zeros(self.count, np.bool_), *said], axis=0)
+        self.weights = _weights(said, self.said, plan.said_share)
 
     def episodes(
         self, together: int, rng: np.random.Generator
@@ -172,6 +170,24 @@ class _Data:
         if self.known.any():
             means["value_error"] = float(errors.sum() / self.known.sum())
         return means
+
+
+def _weights(
+    said: list[Bool[np.ndarray, "samples"]], any_said: Bool[np.ndarray, "samples"], least: float
+) -> Float32[np.ndarray, "samples"]:
+    """Return the weights of samples in the loss, 1 on average.
+
+    Each statement that is said at all has its part of the share `least`: else one that is said
+    often, such as a claim, would leave nothing to one that is said once an episode.
+    """
+    said = [samples for samples in said if samples.any()]
+    rest = 1.0 - any_said.mean()
+    if not said or rest == 0.0:
+        return np.ones(len(any_said), np.float32)
+    weights = np.full(len(any_said), (1.0 - least) / rest)
+    for samples in said:
+        weights[samples] = np.maximum(weights[samples], least / len(said) / samples.mean())
+    return (weights / weights.mean()).astype(np.float32)
 
 
 def keep_spread(policy: ActorCriticPolicy) -> None:

@@ -118,17 +118,16 @@ class Demonstrations:
             returns[:, step], unknown[:, step] = later, weight
         return returns.astype(np.float32), unknown <= _UNKNOWN
 
-    def said(self, config: ActionConfig) -> Samples:
-        """Return in which samples the agent says something, such as that the robot is home."""
+    def said(self, config: ActionConfig) -> dict[str, Samples]:
+        """Return for each statement, such as `declare`, in which samples the agent says it."""
         numbers = self.actions
         if "discrete" in self.lesson.actions:
             if "turn rate" not in config.names:
-                return np.zeros(self.rewards.shape, np.bool_)
+                return {}
             numbers = config.choices[self.actions]
         rows = numbers.reshape(self.count, -1).astype(np.float64)
-        said = [config.flagged(rows, name) for name in config.names[2:]]
-        any_said = np.any([np.zeros(self.count, np.bool_), *said], axis=0)
-        return np.asarray(any_said.reshape(self.rewards.shape))
+        shape = self.rewards.shape
+        return {name: config.flagged(rows, name).reshape(shape) for name in config.names[2:]}
 
     def first(self, rounds: int) -> Demonstrations:
         """Return those of the first rounds."""

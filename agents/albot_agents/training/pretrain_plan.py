@@ -46,7 +46,8 @@ class PretrainPlan:
     """Learning rate of Adam, 1 at most."""
     said_share: float = 0.2
     """Least share in the loss of the samples in which the agent says something: declares home, or
-    claims to know the place. They are rare; 0 lets each sample count the same."""
+    claims to know the place. Where it says both, each has half of it. They are rare; 0 lets each
+    sample count the same."""
     vf_coef: float = 0.5
     """Coefficient of the value error in the loss; 0 to leave the value function as it is. It learns
     the discounted returns of the demonstrations."""

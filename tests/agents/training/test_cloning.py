@@ -25,6 +25,7 @@ from albot_agents.training.demonstrations import (
     Demonstrations,
 )
 from albot_agents.training.pretrain_plan import PretrainPlan
+from albot_env.tasks.core.actions import MissionActionConfig
 from tests.agents.training.demonstrated import ACTIONS, demonstrations
 
 PLAN = PretrainPlan(agent="random", n_epochs=30, batch_size=128, learning_rate=0.01)
@@ -80,12 +81,32 @@ def test_what_is_rarely_said_has_its_share_in_the_loss() -> None:
     actions = np.full((4, 250, 3), -1.0, np.float32)
     actions[..., 2] = np.where(said, 1.0, -1.0)
     given = demonstrations(actions=actions)
-    np.testing.assert_array_equal(given.said(ACTIONS), said)
+    np.testing.assert_array_equal(given.said(ACTIONS)["declare"], said)
     for share, mean in ((0.0, -0.96), (0.01, -0.96), (0.2, -0.6)):
         policy = _policy()
         _learnt(policy, given, said_share=share, learning_rate=0.003)
         action, _ = policy.predict(np.zeros((1, 3), np.float32), deterministic=True)
         assert action[0, 2] == pytest.approx(mean, abs=0.05)
+
+
+def test_what_is_said_once_is_not_drowned_by_what_is_said_often() -> None:
+    """A claim in every third sample, home in one of 250: each has a tenth of the loss or more."""
+    numbers = np.arange(1000)
+    declared, claimed = numbers % 250 == 0, numbers % 3 == 1
+    actions = np.full((4, 250, 4), -1.0, np.float32)
+    actions[..., 2] = np.where(declared, 1.0, -1.0).reshape(4, 250)
+    actions[..., 3] = np.where(claimed, 1.0, -1.0).reshape(4, 250)
+    config = MissionActionConfig()
+    said = demonstrations(actions=actions).said(config)
+    np.testing.assert_array_equal(said["declare"].ravel(), declared)
+    np.testing.assert_array_equal(said["claim"].ravel(), claimed)
+    flags = [each.ravel() for each in said.values()]
+    weights = cloning._weights(flags, declared | claimed, 0.2)
+    assert weights.mean() == pytest.approx(1.0)
+    assert weights[declared].sum() / 1000 == pytest.approx(0.1, abs=0.03)
+    assert weights[claimed].sum() / 1000 > 0.2
+    assert (weights > 0).all()
+    np.testing.assert_array_equal(cloning._weights(flags, np.ones(1000, np.bool_), 0.2), 1.0)
 
 
 def test_the_value_function_learns_the_returns_or_is_left_alone() -> None:
