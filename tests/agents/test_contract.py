@@ -13,6 +13,7 @@ from albot_agents.agent import Agent, EnvironmentConfigs, begin_episode, choose_
 from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, make_agent
 from albot_agents.task import config_kind
 from albot_core.errors import InputError
+from albot_env.tasks.core.parts.matches import MATCHES
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
 
 JUDGES = {"decision-stump", "place-judge", "place-recognition"}
@@ -30,7 +31,9 @@ WHO_ACTS_WHERE = [(name, task) for task in IDS for name in agent_names(task)]
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
     entry = find_agent(name)
     settings = {"world": LOOP, "mapper": "odometry", "observation": form}
-    if entry.environment(environment, {}).get("laser") == "none":
+    hears_only = entry.environment(environment, {}).get("laser") == "none"
+    sees_matches = entry.file is not None and entry.configs.observations.observes(MATCHES)
+    if hears_only or sees_matches:  # An odometer has neither exits nor matches.
         settings["mapper"] = entry.mapper
     wanted = {**settings, **SETTINGS.get(environment, {})}
     if name == "place-recognition":

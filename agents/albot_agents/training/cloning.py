@@ -187,7 +187,7 @@ def _weights(
     weights = np.full(len(any_said), (1.0 - least) / rest)
     for samples in said:
         weights[samples] = np.maximum(weights[samples], least / len(said) / samples.mean())
-    return (weights / weights.mean()).astype(np.float32)
+    return np.asarray(weights / weights.mean(), np.float32)
 
 
 def keep_spread(policy: ActorCriticPolicy) -> None:
