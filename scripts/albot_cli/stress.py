@@ -65,8 +65,8 @@ _LARGEST_SEED = 2**64 - 1
     default=("gap-explorer", "random"),
     shell_complete=completion.agent_names,
     show_default=True,
-    help="association-explorer, exploring, gap-explorer, nearest-frontier, random, "
-    "ratslam-explorer, or the file of a trained agent; repeatable.",
+    help="association-explorer, exploring (--mapper albot1), gap-explorer, nearest-frontier, "
+    "onward-follower, random, ratslam-explorer, or the file of a trained agent; repeatable.",
 )
 @click.option(
     "--mapper",
