@@ -15,6 +15,7 @@ from albot_env.sim import LASERS, ODOMETERS
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
+from albot_env.tasks.homing_by_map.task import HomingByMapConfig
 from albot_env.tasks.place_recognition.task import PlaceRecognitionConfig
 from albot_env.tasks.place_recognition.tours import TourConfig
 from tests.env.quick import DRIVEN, GLANCE, JUDGED, loaded, still
@@ -22,8 +23,13 @@ from tests.env.quick import DRIVEN, GLANCE, JUDGED, loaded, still
 SEED = 1000
 WORLD = "random:office:1001?rooms=4&people=2&boxes=2&doors=2"
 """People, boxes and doors move, so that what they do must be the same, too."""
-SHORT = HomingConfig(outing=OutwardJourneyConfig(shortest=2.0, longest=4.0, away=1.0))
-CONFIGS: dict[str, Any] = {"Albot/Homing-v0": SHORT, JUDGED[0]: GLANCE}
+_OUTING = OutwardJourneyConfig(shortest=2.0, longest=4.0, away=1.0)
+SHORT = HomingConfig(outing=_OUTING)
+CONFIGS: dict[str, Any] = {
+    "Albot/Homing-v0": SHORT,
+    "Albot/HomingByMap-v0": HomingByMapConfig(outing=_OUTING),
+    JUDGED[0]: GLANCE,
+}
 
 
 TOUR = PlaceRecognitionConfig(tour=TourConfig(revisits=0.9))

@@ -26,6 +26,8 @@ from albot_agents.training.plan import ALGORITHMS, ON_POLICY, PolicyPlan, Traini
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
 from albot_core.plain_data import deep_merge
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+from albot_env.tasks.homing_by_map.task import HomingByMapConfig
 from tests.agents.training.tiny import TINY, begun, off_policy
 
 PLACES, CONNECTIONS, COLUMNS = 5, 7, 9
@@ -208,7 +210,8 @@ def test_an_agent_that_sees_its_map_is_trained_and_drives(tmp_path: Path, algori
     assert [encoder.part for encoder in file.network.encoders] == ["map_patch", "place_graph"]
     assert file.network.encoders[0].shape == (2, 8, 8)
     name = str(folder.last)
-    settings = find_agent(name).environment(plan.task, {})
+    outing = OutwardJourneyConfig(shortest=1.0, longest=2.0, away=0.0)
+    settings = find_agent(name).environment(plan.task, {"config": HomingByMapConfig(outing=outing)})
     env = gymnasium.make(plan.task, world="square-loop", **settings)
     agent = make_agent(name, EnvironmentConfigs.of(env))
     observation, info = begin_episode(env, agent, 3)
