@@ -37,7 +37,6 @@ HOMING, BY_MAP = "Albot/Homing-v0", "Albot/HomingByMap-v0"
 AGENTS = (
     "oracle",
     "albot1-homing",
-    "homing",
     "patch-homing",
     "homing-blind",
     "homing-mapless",

@@ -54,17 +54,22 @@ class Pretraining:
         plan: The plan of the training, with `pretrain`.
         learner: The learner, untrained.
         path: The file for the demonstrations.
+        warn: Called if no episode is shown to its end, so that its end cannot be learnt.
     """
 
-    def __init__(self, plan: TrainingPlan, learner: OnPolicyAlgorithm, path: Path) -> None:
+    def __init__(
+        self,
+        plan: TrainingPlan,
+        learner: OnPolicyAlgorithm,
+        path: Path,
+        warn: Report = lambda text: None,
+    ) -> None:
         assert plan.pretrain is not None
         self._plan, self._pretrain, self._learner, self._path = plan, plan.pretrain, learner, path
         self._settings = pretraining_settings(plan)
-        self._warn: Report = lambda text: None
+        self._warn = warn
 
-    def run(
-        self, report: Report = lambda note: None, warn: Report = lambda text: None
-    ) -> dict[str, float | int | None]:
+    def run(self, report: Report = lambda note: None) -> dict[str, float | int | None]:
         """Pretrain; return `samples`, the agent's `success_rate` and the last epoch's figures.
 
         The success rate is that of the agent alone, None if no episode ended; the others are those
@@ -72,12 +77,10 @@ class Pretraining:
 
         Args:
             report: Called with the progress as text.
-            warn: Called if no episode was shown to its end, so that its end cannot be learnt.
 
         Raises:
             InputError: Saved demonstrations are damaged or do not fit; or they cannot be saved.
         """
-        self._warn = warn
         figures = (
             self._clone_file(Path(self._pretrain.demonstrations), report)
             if self._pretrain.demonstrations

@@ -172,8 +172,9 @@ class TrainingRun:
     def _pretrain(self) -> None:
         """Let the policy learn from demonstrations."""
         assert isinstance(self.learner, OnPolicyAlgorithm), "others are refused with the plan"
-        pretraining = Pretraining(self._plan, self.learner, self._folder.demonstrations)
-        self._figures = pretraining.run(lambda note: self._report(0, note), self._warn)
+        path = self._folder.demonstrations
+        pretraining = Pretraining(self._plan, self.learner, path, self._warn)
+        self._figures = pretraining.run(lambda note: self._report(0, note))
         for name, value in self._figures.items():
             if value is not None:
                 self.learner.logger.record(f"pretrain/{name}", value)
