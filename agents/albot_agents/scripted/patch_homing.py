@@ -164,6 +164,26 @@ def shortest_path(
 ) -> Points | None:
     """Return the cells (row, column) of the cheapest way from the middle to a goal, in its order.
 
+    None if there is none. `grid_graph` says what a step costs.
+    """
+    side = len(costs)
+    start = side // 2 * (side + 1)
+    target = goal[0] * side + goal[1]
+    _, before = dijkstra(
+        grid_graph(costs), directed=False, indices=target, return_predecessors=True
+    )
+    way = [start]
+    while way[-1] != target:
+        ahead = int(before[way[-1]])
+        if ahead < 0:
+            return None
+        way.append(ahead)
+    return np.stack(np.unravel_index(way, costs.shape), axis=1).astype(np.float64)
+
+
+def grid_graph(costs: Float64[np.ndarray, "cells cells"]) -> csr_array:
+    """Return the graph of steps between the cells of a square, by their flat indices.
+
     A step to one of eight neighbours costs its length times the mean of the two cells' costs.
     """
     side = len(costs)
@@ -176,17 +196,7 @@ def shortest_path(
         ends.append(other.ravel())
         mean = 0.5 * (costs.ravel()[one] + costs.ravel()[other])
         lengths.append((math.hypot(down, right) * mean).ravel())
-    graph = csr_array(
+    return csr_array(
         (np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))),
         shape=(side * side, side * side),
     )
-    start = int(number[side // 2, side // 2])
-    target = int(number[goal])
-    _, before = dijkstra(graph, directed=False, indices=target, return_predecessors=True)
-    way = [start]
-    while way[-1] != target:
-        ahead = int(before[way[-1]])
-        if ahead < 0:
-            return None
-        way.append(ahead)
-    return np.stack(np.unravel_index(way, costs.shape), axis=1).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Encoders of parts of observations in plain numpy: convolutions, and attention for graphs.
+"""Encoders of parts of observations in numpy: convolutions, attention for graphs, and a planner.
 
 `albot_agents.training.encoders` has the same in PyTorch. What no encoder takes enters a network's
 first layer as it is.
@@ -7,16 +7,17 @@ first layer as it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32, Float64, Int64
 
+from albot_agents.trained.shortest_path_kernels import rim_cells, search_paths
 from albot_core.errors import InputError
 from albot_core.ranges import Range, check_fields
 
-CONVOLUTION, ATTENTION = "convolution", "attention"
+CONVOLUTION, ATTENTION, PLANNER = "convolution", "attention", "planner"
 SIZES = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
 """Units of a layer, and lengths of its input."""
 LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
@@ -27,6 +28,9 @@ ABSENT = np.float32(-1e8)
 """Score of what is absent; finite, so that PyTorch's gradients are finite."""
 ENDS = slice(1, 3)
 """Columns of a connection that hold the rows of its source and target."""
+
+LARGEST_EXPONENT = 5.0
+"""Largest absolute logarithm of a cell's cost."""
 
 _NOT_NEGATIVE = Range("a whole number from 0", 0.0, 1e9, whole=True)
 _HEADS = Range("a whole number from 1 to 64", 1.0, 64.0, whole=True)
@@ -50,12 +54,21 @@ class PartEncoder:
     depend on the order of the rows (Ilse, Tomczak and Welling, Attention-based deep multiple
     instance learning, ICML 2018, without their gate; the scale 1/√units is that of Vaswani et al.,
     NeurIPS 2017).
+
+    A `planner` takes a patch of the shape (channels, rows, columns) in which one channel shows
+    where to go. The logarithm of a cell's cost is a linear function of its channels, within ±5. The
+    outputs are the softmax of the negated costs of the cheapest paths from the middle by each cell
+    of a rim around it, divided by a temperature, from straight ahead counter-clockwise; and the
+    cost c of the cheapest path as c / (c + side of the patch in cells). As in value iteration
+    networks (Tamar et al., NIPS 2016) what the cells cost is learnt by the gradient of what is done
+    with the outputs. Unlike theirs, the paths are exact, and so is their gradient: the derivative
+    of a path's cost by a cell's is the path's length in that cell.
     """
 
     part: str
     """Name of the part."""
     kind: str
-    """`convolution` or `attention`."""
+    """`convolution`, `attention` or `planner`."""
     begin: int
     """Where the part begins in a flat observation."""
     shape: tuple[int, ...]
@@ -68,12 +81,16 @@ class PartEncoder:
     """Length of an embedded row of the graph."""
     heads: int = 0
     """Number of queries of the attention."""
+    goal: int = 0
+    """Index of the channel that shows a planner where to go, by its largest value."""
+    radius: int = 0
+    """Distance of a planner's rim from the middle (cells)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _NOT_NEGATIVE, "begin", "places", "units", "heads")
-        dimensions = {CONVOLUTION: 3, ATTENTION: 2}.get(self.kind)
+        check_fields(self, _NOT_NEGATIVE, "begin", "places", "units", "heads", "goal", "radius")
+        dimensions = {CONVOLUTION: 3, ATTENTION: 2, PLANNER: 3}.get(self.kind)
         if dimensions is None:
-            expected = f"{CONVOLUTION} or {ATTENTION}"
+            expected = f"{CONVOLUTION}, {ATTENTION} or {PLANNER}"
             raise InputError("PartEncoder.kind", expected, self.kind)
         sizes_fit = all(size in SIZES for size in self.shape)
         if len(self.shape) != dimensions or not sizes_fit or self.size not in SIZES:
@@ -83,6 +100,9 @@ class PartEncoder:
             if any(count not in SIZES for count in self.filters) or len(self.filters) not in LAYERS:
                 raise InputError("PartEncoder.filters", "8 sizes at most", str(self.filters))
             return
+        if self.kind == PLANNER:
+            self._check_planner()
+            return
         check_fields(self, SIZES, "units")
         check_fields(self, _HEADS, "heads")
         if not 1 <= self.places <= self.shape[0]:
@@ -90,6 +110,19 @@ class PartEncoder:
             raise InputError("PartEncoder.places", expected, str(self.places))
         if self.shape[1] < ENDS.stop:
             raise InputError("PartEncoder.shape", "3 columns or more", str(self.shape))
+
+    def _check_planner(self) -> None:
+        """Raise InputError unless patch, goal and rim fit."""
+        channels, rows, columns = self.shape
+        if rows != columns:
+            raise InputError("PartEncoder.shape", "a square patch", str(self.shape))
+        if self.goal >= channels:
+            expected = f"a whole number from 0 to {channels - 1}"
+            raise InputError("PartEncoder.goal", expected, str(self.goal))
+        largest = (rows - 1) // 2
+        if not 1 <= self.radius <= largest:
+            expected = f"a whole number from 1 to {largest}"
+            raise InputError("PartEncoder.radius", expected, str(self.radius))
 
     @property
     def size(self) -> int:
@@ -107,6 +140,8 @@ class PartEncoder:
         """Number of outputs."""
         if self.kind == ATTENTION:
             return self.units * self.heads
+        if self.kind == PLANNER:
+            return 8 * self.radius + 1
         channels, rows, columns = self.shape
         for filters in self.filters:
             channels, rows, columns = filters, _strided(rows), _strided(columns)
@@ -124,6 +159,12 @@ class PartEncoder:
                 f"{part}.connection.weight": (self.units, self.joined_columns),
                 f"{part}.connection.bias": (self.units,),
                 f"{part}.query": (self.heads, self.units),
+            }
+        if self.kind == PLANNER:
+            return {
+                f"{part}.cost_weight": (self.shape[0],),
+                f"{part}.cost_bias": (1,),
+                f"{part}.log_temperature": (1,),
             }
         shapes: dict[str, tuple[int, ...]] = {}
         channels = self.shape[0]
@@ -146,8 +187,7 @@ def encode(encoders: tuple[PartEncoder, ...], weights: Weights, observation: Row
     for encoder in encoders:
         taken = slice(encoder.begin, encoder.begin + encoder.size)
         plain[taken] = False
-        run = _convolve if encoder.kind == CONVOLUTION else _attend
-        encoded.append(run(encoder, weights, observation[taken]))
+        encoded.append(_ENCODINGS[encoder.kind](encoder, weights, observation[taken]))
     return np.concatenate((observation[plain], *encoded))
 
 
@@ -200,3 +240,43 @@ def _attend(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
     shares = np.exp(scores - scores.max(axis=1, keepdims=True))
     shares /= shares.sum(axis=1, keepdims=True)
     return np.asarray((shares @ embedded).ravel(), np.float32)
+
+
+def _plan(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
+    channels = encoder.shape[0]
+    patch = numbers.reshape(channels, -1)
+    weight, bias = (weights[f"{encoder.part}.cost_{name}"] for name in ("weight", "bias"))
+    exponents = np.clip(weight @ patch + bias, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+    paths = path_costs(encoder, np.exp(exponents)[np.newaxis], patch[np.newaxis])[0][0]
+    scaled = paths * np.exp(-weights[f"{encoder.part}.log_temperature"])
+    shares = np.exp(scaled.min() - scaled)
+    cheapest = paths.min()
+    length = cheapest / (cheapest + encoder.shape[1])
+    return np.asarray(np.append(shares / shares.sum(), length), np.float32)
+
+
+def path_costs(
+    encoder: PartEncoder,
+    costs: Float[np.ndarray, "patches cells"],
+    patches: Float[np.ndarray, "patches channels cells"],
+) -> tuple[Float64[np.ndarray, "patches rim"], Int64[np.ndarray, "patches 2 cells"]]:
+    """Return the costs of a planner's paths, and the paths as `search_paths` returns them.
+
+    Args:
+        encoder: The planner.
+        costs: Costs of the cells.
+        patches: What the cells show.
+    """
+    rim = rim_cells(encoder.shape[1], encoder.radius)
+    found = np.empty((len(costs), len(rim)))
+    before = np.empty((len(costs), 2, costs.shape[1]), np.int64)
+    goals = patches[:, encoder.goal].argmax(axis=1)
+    search_paths(costs.astype(np.float64), goals, rim, encoder.radius, found, before)
+    return found, before
+
+
+_ENCODINGS: Mapping[str, Callable[[PartEncoder, Weights, Row], Features]] = {
+    CONVOLUTION: _convolve,
+    ATTENTION: _attend,
+    PLANNER: _plan,
+}

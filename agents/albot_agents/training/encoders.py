@@ -17,10 +17,14 @@ from albot_agents.trained.encoders import (
     CONVOLUTION,
     ENDS,
     KERNEL,
+    LARGEST_EXPONENT,
     PADDING,
+    PLANNER,
     STRIDE,
     PartEncoder,
+    path_costs,
 )
+from albot_agents.trained.shortest_path_kernels import add_path_derivatives, rim_cells
 
 FEATURES = "features_extractor"
 """Name of the module in stable-baselines3's policies, and prefix of its weights' names."""
@@ -87,6 +91,50 @@ class AttentionPool(nn.Module):
         return pooled.flatten(1) * some.unsqueeze(1)
 
 
+class Planner(nn.Module):
+    """Plans over the cells of a patch, whose costs it learns (see `PartEncoder`)."""
+
+    def __init__(self, encoder: PartEncoder) -> None:
+        super().__init__()
+        self._encoder = encoder
+        # At first all cells cost 1, and all ways are straight. (A linear layer would be filled by
+        # stable-baselines3.)
+        self.cost_weight = nn.Parameter(torch.zeros(encoder.shape[0]))
+        self.cost_bias = nn.Parameter(torch.zeros(1))
+        self.log_temperature = nn.Parameter(torch.zeros(1))
+
+    def forward(self, numbers: Tensor) -> Tensor:
+        """Return the shares of the rim and the length of the way (observations, outputs)."""
+        patches = numbers.reshape(len(numbers), self._encoder.shape[0], -1)
+        exponents = self.cost_weight @ patches + self.cost_bias
+        costs = exponents.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT).exp()
+        paths: Tensor = _PathCosts.apply(costs, patches, self._encoder)  # type: ignore[no-untyped-call]
+        shares = (-paths * (-self.log_temperature).exp()).softmax(dim=1)
+        cheapest = paths.min(dim=1, keepdim=True).values
+        return torch.cat((shares, cheapest / (cheapest + self._encoder.shape[1])), dim=1)
+
+
+class _PathCosts(torch.autograd.Function):
+    """The costs of a planner's paths (observations, cells of the rim)."""
+
+    @staticmethod
+    def forward(ctx: Any, costs: Tensor, patches: Tensor, encoder: PartEncoder) -> Tensor:
+        """Search the paths."""
+        cells = costs.detach().cpu().numpy()
+        found, before = path_costs(encoder, cells, patches.detach().cpu().numpy())
+        ctx.encoder, ctx.cells, ctx.before = encoder, cells.shape, before
+        return torch.from_numpy(found).to(costs)
+
+    @staticmethod
+    def backward(ctx: Any, slopes: Tensor) -> tuple[Tensor, None, None]:
+        """Return the gradient by the cells' costs."""
+        rim = rim_cells(ctx.encoder.shape[1], ctx.encoder.radius)
+        derivatives = np.zeros(ctx.cells)
+        each = slopes.detach().cpu().numpy().astype(np.float64)
+        add_path_derivatives(rim, ctx.before, each, derivatives)
+        return torch.from_numpy(derivatives).to(slopes), None, None
+
+
 def extractor_settings(encoders: tuple[PartEncoder, ...]) -> dict[str, Any]:
     """Return the arguments of a policy with these encoders; none without encoders."""
     if not encoders:
@@ -121,6 +169,8 @@ def encoder_weights(
 
 def _module(encoder: PartEncoder) -> nn.Module:
     """Return the module that encodes a part's numbers (observations, inputs)."""
+    if encoder.kind == PLANNER:
+        return Planner(encoder)
     if encoder.kind != CONVOLUTION:
         return AttentionPool(encoder)
     modules: list[nn.Module] = [nn.Unflatten(1, encoder.shape)]

@@ -18,9 +18,10 @@ from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, chec
 ON_POLICY = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
 ALGORITHMS = (*ON_POLICY, *OFF_POLICY)
-POLICIES = ("mlp", "cnn", "attention", "multi_input", "candidates")
+POLICIES = ("mlp", "cnn", "attention", "multi_input", "planner", "candidates")
 """Networks that take the whole observation, that see patches by convolutions, the graph of places
-by attention, or both, and networks that take each candidate in the observation separately."""
+by attention, or both, that plan over the patch of the map, and networks that take each candidate in
+the observation separately."""
 ACTIVATIONS = ("elu", "relu", "tanh")
 DEVICES = ("auto", "cpu", "cuda")
 
@@ -51,6 +52,7 @@ _USERS = {
 """The algorithms that use each field; those that are not here are used by all."""
 _KIND_USERS = {
     "policy.filters": ("cnn", "multi_input"),
+    "policy.planner_radius": ("planner",),
     **dict.fromkeys(("policy.graph_units", "policy.graph_heads"), ("attention", "multi_input")),
 }
 """The kinds of policies that use each field, for fields that not all kinds use."""
@@ -67,6 +69,7 @@ class PolicyPlan:
     - `cnn`: convolutions encode each observed patch (`map_patch`, `true_patch`, `coverage`),
     - `attention`: attention pools the rows of `place_graph`,
     - `multi_input`: both,
+    - `planner`: the cheapest ways home over the cells of `map_patch`, whose costs are learnt,
     - `candidates`: for tasks whose action selects one of several candidates or none. The networks
       process each candidate separately, and pool by the maximum over all of them.
 
@@ -77,6 +80,8 @@ class PolicyPlan:
     """Length of an embedded row of the graph of places."""
     graph_heads: int = 4
     """Number of heads of the attention, each of which pools the rows by its own weights."""
+    planner_radius: int = 3
+    """Distance from the robot of the cells by which a planner compares the ways (cells)."""
     net_arch: tuple[int, ...] = (64, 64)
     """Units of each hidden layer."""
     value_arch: tuple[int, ...] | None = None
@@ -105,7 +110,7 @@ class PolicyPlan:
     """Number of LSTM layers before the hidden layers, for `recurrent_ppo` only."""
 
     def __post_init__(self) -> None:
-        check_fields(self, SIZES, "lstm_size", "graph_units")
+        check_fields(self, SIZES, "lstm_size", "graph_units", "planner_radius")
         check_fields(self, _HEADS, "graph_heads")
         check_fields(self, _LSTM_LAYERS, "lstm_layers")
         check_fields(self, _LOG_STD, "log_std_init")

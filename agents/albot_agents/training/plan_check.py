@@ -12,7 +12,7 @@ from gymnasium import spaces
 from gymnasium.vector import VectorEnv
 
 from albot_agents.trained.agent_file import FORMAT
-from albot_agents.trained.encoders import ATTENTION, CONVOLUTION, PartEncoder
+from albot_agents.trained.encoders import ATTENTION, CONVOLUTION, PLANNER, PartEncoder
 from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.off_policy_plan import VALUE_BASED
 from albot_agents.training.plan import ON_POLICY, PolicyPlan, TrainingPlan
@@ -20,8 +20,9 @@ from albot_core.errors import InputError
 from albot_core.plain_data import Location
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.ground import COVERAGE
-from albot_env.tasks.core.parts.map_patch import MAP_PATCH
+from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH
+from albot_env.tasks.core.parts.scales import Channels
 from albot_env.tasks.core.parts.truth import TRUE_PATCH
 
 Batch = VectorEnv[Any, Any, np.ndarray]
@@ -34,6 +35,7 @@ _HEADER_BYTES = 1 << 20
 _ENCODED: dict[str, tuple[tuple[str, ...], ...]] = {
     "cnn": (_PATCHES,),
     "attention": ((PLACE_GRAPH.name,),),
+    "planner": ((MAP_PATCH.name,),),
 }
 _ENCODED["multi_input"] = (*_ENCODED["cnn"], *_ENCODED["attention"])
 """For each kind of policy: groups of parts, of each of which it encodes those that are observed."""
@@ -202,15 +204,37 @@ def policy_encoders(
     encoders = []
     for part, shape in shapes.items():
         if any(part in group for group in groups):
-            kind = ATTENTION if part == PLACE_GRAPH.name else CONVOLUTION
-            sizes: dict[str, Any] = {"filters": policy.filters}
-            if kind == ATTENTION:
-                places = observation_config.place_graph.places
-                sizes = {"places": places, "units": policy.graph_units}
-                sizes["heads"] = policy.graph_heads
+            sizes = _encoder_sizes(part, shape, policy, observation_config, where.at("policy"))
             begin = getattr(observation_config.layout, part)
-            encoders.append(PartEncoder(part=part, kind=kind, begin=begin, shape=shape, **sizes))
+            encoders.append(PartEncoder(part=part, begin=begin, shape=shape, **sizes))
     return tuple(encoders)
+
+
+def _encoder_sizes(
+    part: str,
+    shape: tuple[int, ...],
+    policy: PolicyPlan,
+    observation_config: ObservationConfig,
+    where: Location,
+) -> dict[str, Any]:
+    """Return kind and sizes of the encoder of a part; `where` is the location of the policy."""
+    if part == PLACE_GRAPH.name:
+        places = observation_config.place_graph.places
+        graph = {"units": policy.graph_units, "heads": policy.graph_heads}
+        return {"kind": ATTENTION, "places": places, **graph}
+    if policy.kind != "planner":
+        return {"kind": CONVOLUTION, "filters": policy.filters}
+    shown = observation_config.map_patch
+    goal = Channels.of(shown.channels or CHANNELS).home
+    if goal < 0 or len(shown.sides) > 1:
+        expected = "mlp or cnn, or a map_patch of one square with the channel home"
+        found = f"planner, {len(shown.sides)} squares and {', '.join(shown.channels or CHANNELS)}"
+        raise where.at("kind").error(expected, found)
+    largest = (shape[1] - 1) // 2
+    if policy.planner_radius > largest:
+        expected = f"at most {largest}, half the side of map_patch"
+        raise where.at("planner_radius").error(expected, str(policy.planner_radius))
+    return {"kind": PLANNER, "goal": goal, "radius": policy.planner_radius}
 
 
 def check_spaces(before: Batch, after: Batch, where: Location) -> None:

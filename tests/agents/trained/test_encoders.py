@@ -13,15 +13,17 @@ from gymnasium.spaces import Box
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from scipy.sparse.csgraph import dijkstra
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
+from albot_agents.scripted.patch_homing import grid_graph
 from albot_agents.trained.agent_file import read_agent
-from albot_agents.trained.encoders import PartEncoder, encode
+from albot_agents.trained.encoders import PartEncoder, encode, path_costs
 from albot_agents.trained.network import Network, NetworkConfig
 from albot_agents.training.checkpoint import policy_weights
-from albot_agents.training.encoders import extractor_settings
+from albot_agents.training.encoders import PartsExtractor, extractor_settings
 from albot_agents.training.plan import ALGORITHMS, ON_POLICY, PolicyPlan, TrainingPlan
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
@@ -37,7 +39,12 @@ GRAPH = PartEncoder(
     shape=(PLACES + CONNECTIONS, COLUMNS), places=PLACES, units=6, heads=3,
 )  # fmt: skip
 LENGTH = GRAPH.begin + GRAPH.size + 1
-ENCODERS = {"cnn": (PATCH,), "attention": (GRAPH,), "multi_input": (PATCH, GRAPH)}
+PLANNER = PartEncoder(
+    part="map_patch", kind="planner", begin=3, shape=(3, 8, 8), goal=2, radius=2
+)  # fmt: skip
+ENCODERS = {
+    "cnn": (PATCH,), "attention": (GRAPH,), "multi_input": (PATCH, GRAPH), "planner": (PLANNER,),
+}  # fmt: skip
 
 
 def _rows(seed: int, count: int) -> np.ndarray:
@@ -149,6 +156,82 @@ def test_an_empty_graph_is_nothing() -> None:
     np.testing.assert_array_equal(found[-GRAPH.outputs :], 0)
 
 
+def _all_paths(costs: np.ndarray, goal: int) -> np.ndarray:
+    """Costs of the cheapest paths from all cells to a goal, as the scripted planner finds them."""
+    side = len(costs)
+    graph = grid_graph(costs)
+    return np.asarray(dijkstra(graph, directed=False, indices=goal)).reshape(side, side)
+
+
+@pytest.mark.parametrize(("side", "radius"), [(8, 1), (8, 3), (9, 4), (21, 3)])
+def test_the_planner_finds_the_cheapest_ways(side: int, radius: int) -> None:
+    """Against Dijkstra's search of scipy: within the rim's square, and from the rim to the goal."""
+    rng, middle = np.random.default_rng(side), side // 2
+    costs = np.exp(rng.uniform(-2, 3, (20, side * side))).astype(np.float32)
+    goals = rng.integers(side * side, size=20)
+    goals[0] = middle * (side + 1)  # Home is here.
+    patches = np.zeros((20, 1, side * side), np.float32)
+    patches[np.arange(20), 0, goals] = 1
+    encoder = PartEncoder(
+        part="map_patch", kind="planner", begin=0, shape=(1, side, side), radius=radius
+    )
+    found, _ = path_costs(encoder, costs, patches)
+    low, high = middle - radius, middle + radius + 1
+    # The rim, from straight ahead to the left and on around.
+    spread = np.arange(-radius, radius + 1)
+    rows = np.concatenate((0 * spread - radius, spread, 0 * spread + radius, -spread))
+    columns = np.concatenate((-spread, 0 * spread - radius, spread, 0 * spread + radius))
+    rim = list(dict.fromkeys(zip(rows + middle, columns + middle, strict=True)))
+    rim = rim[radius:] + rim[:radius]
+    for i in range(20):
+        square = costs[i].reshape(side, side).astype(np.float64)
+        to_goal = _all_paths(square, goals[i])
+        inner = square[low:high, low:high]
+        from_middle = np.full((side, side), np.inf)
+        from_middle[low:high, low:high] = _all_paths(inner, len(inner) ** 2 // 2)
+        expected = (from_middle + to_goal)[tuple(np.transpose(rim))]
+        np.testing.assert_allclose(found[i], expected, rtol=1e-6)
+        if max(abs(goals[i] // side - middle), abs(goals[i] % side - middle)) > radius:
+            np.testing.assert_allclose(found[i].min(), to_goal[middle, middle], rtol=1e-6)
+
+
+def test_a_planner_learns_by_the_exact_gradient() -> None:
+    """Against differences of the outputs between weights that are a little apart."""
+    (encoder,), rows = ENCODERS["planner"], torch.from_numpy(_rows(5, 6)).double()
+    module: Any = PartsExtractor(Box(-1, 1, (LENGTH,), np.float32), (encoder,)).double()
+    for parameter in module.parameters():
+        torch.nn.init.normal_(parameter, std=0.3)
+    slopes = torch.from_numpy(
+        np.random.default_rng(2).normal(size=(len(rows), module.features_dim))
+    )
+    (module(rows) * slopes).sum().backward()
+    for parameter in module.parameters():
+        for place in np.ndindex(*parameter.shape):
+            sums = []
+            for step in (1e-6, -1e-6):
+                with torch.no_grad():
+                    parameter[place] += step
+                    sums.append(float((module(rows) * slopes).sum()))
+                    parameter[place] -= step
+            found = float(parameter.grad[place])
+            assert found == pytest.approx((sums[0] - sums[1]) / 2e-6, rel=1e-4, abs=1e-6)
+
+
+def test_an_untrained_planner_heads_straight_for_the_goal() -> None:
+    weights = {
+        "map_patch.cost_weight": np.zeros(1, np.float32),
+        "map_patch.cost_bias": np.zeros(1, np.float32),
+        "map_patch.log_temperature": np.zeros(1, np.float32),
+    }
+    encoder = PartEncoder(part="map_patch", kind="planner", begin=0, shape=(1, 11, 11), radius=2)
+    for turn, (row, column) in enumerate(((0, 5), (0, 0), (5, 0), (10, 0), (10, 5), (10, 10))):
+        patch = np.full((11, 11), -1, np.float32)
+        patch[row, column] = 1
+        found = encode((encoder,), weights, patch.ravel())
+        assert found[:-1].argmax() == 2 * turn, f"an eighth of a turn to the left, {turn} times"
+        assert found[:-1].sum() == pytest.approx(1)
+
+
 def _graph_weights() -> dict[str, np.ndarray]:
     rng = np.random.default_rng(7)
     return {name: rng.normal(size=shape).astype(np.float32) for name, shape in GRAPH.shapes.items()}
@@ -166,6 +249,10 @@ def _graph_weights() -> dict[str, np.ndarray]:
         ({"kind": "attention", "shape": (3, 9), "places": 4, "units": 2, "heads": 1}, "places"),
         ({"kind": "attention", "shape": (3, 9), "places": 2, "units": 0, "heads": 1}, "units"),
         ({"kind": "attention", "shape": (3, 2), "places": 2, "units": 1, "heads": 1}, "shape"),
+        ({"kind": "planner", "shape": (2, 9, 8), "radius": 1}, "shape"),
+        ({"kind": "planner", "goal": 2, "radius": 1}, "goal"),
+        ({"kind": "planner", "radius": 0}, "radius"),
+        ({"kind": "planner", "radius": 5}, "radius"),
     ],
 )
 def test_what_is_no_encoder_is_refused(changes: dict[str, Any], field: str) -> None:
@@ -200,6 +287,9 @@ SEES_MAP: dict[str, Any] = {
 }
 
 
+PLANNED = ["walls", "trail", "home"]
+
+
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_an_agent_that_sees_its_map_is_trained_and_drives(tmp_path: Path, algorithm: str) -> None:
     tiny = TINY if algorithm in ON_POLICY else off_policy(algorithm)
@@ -221,6 +311,48 @@ def test_an_agent_that_sees_its_map_is_trained_and_drives(tmp_path: Path, algori
     for mapper in ("none", "odometry"):
         with pytest.raises(InputError, match=f"mapper: expected one that shows .* found {mapper}"):
             find_agent(name).environment(plan.task, {"mapper": mapper})
+
+
+def test_an_agent_that_plans_over_its_map_is_trained_and_drives(tmp_path: Path) -> None:
+    """By PPO and the clone of `patch-homing`: what the cells cost is learnt by both."""
+    changes = {
+        "policy": {"kind": "planner", "planner_radius": 2},
+        "pretrain": {"agent": "patch-homing", "steps": 64, "n_envs": 2, "n_epochs": 2},
+        "env": {"config": {"observations": {"map_patch": {"channels": PLANNED}}}},
+    }
+    sees = deep_merge(TINY, {name: SEES_MAP[name] for name in ("task", "env")})
+    folder, plan = begun(tmp_path, deep_merge(sees, changes))
+    run = TrainingRun(folder, plan)
+    run.run()
+    file = read_agent(folder.last)
+    (encoder,) = file.network.encoders
+    assert (encoder.kind, encoder.goal, encoder.radius) == ("planner", 2, 2)
+    assert (np.abs(file.weights["map_patch.cost_weight"]) > 1e-4).all()
+    observation = np.linspace(-1, 1, file.network.inputs, dtype=np.float32)
+    expected, _ = run.learner.predict(observation, deterministic=True)
+    found = np.clip(Network(file.network, file.weights)(observation), -1, 1)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("patch", "policy", "expected"),
+    [
+        ({"channels": ["walls"]}, {}, r"kind: expected .*the channel home, found planner, 1"),
+        ({"sides": [8.0, 16.0]}, {}, r"kind: expected .*one square .*, found planner, 2 squares"),
+        ({}, {"planner_radius": 4}, r"planner_radius: expected at most 3, .* found 4"),
+    ],
+)
+def test_a_planner_needs_one_square_that_shows_home(
+    tmp_path: Path, patch: dict[str, Any], policy: dict[str, Any], expected: str
+) -> None:
+    shown = {"sides": [16.0], "cells": 8, "channels": PLANNED} | patch
+    seen = {"parts": ["laser", "home", "map_patch"], "map_patch": shown}
+    with pytest.raises(InputError, match=expected):
+        begun(
+            tmp_path,
+            policy={"kind": "planner"} | policy,
+            env={"mapper": "albot1", "config": {"observations": seen}},
+        )
 
 
 def test_where_there_is_nothing_to_encode_that_is_said(tmp_path: Path) -> None:
