@@ -13,18 +13,20 @@ from albot_agents.agent import Action, EnvironmentConfigs
 from albot_agents.scripted.driving import SENSED_PARTS, DrivingAgent, steering_for
 from albot_agents.scripted.followers import OnwardFollower
 from albot_agents.scripted.homing import Albot1Homing
+from albot_agents.scripted.patch_homing import PatchHoming
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.minimal_space_explorer import MinimalSpaceConfig, MinimalSpaceExplorer
 from albot_core.planning.route_explorer import RouteExplorer, RouteExplorerConfig
 from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
-from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HOME, TIME_LEFT, WAY
+from albot_env.tasks.core.parts.beliefs import CONFIDENCE, HOME, TIME_LEFT
+from albot_env.tasks.core.parts.map_patch import MAP_PATCH
 
 _ROUND_TRIP_PARTS = (
     *OnwardFollower.OBSERVATIONS.parts,
     *SENSED_PARTS,
-    WAY.name,
     CONFIDENCE.name,
+    MAP_PATCH.name,
     TIME_LEFT.name,
 )
 
@@ -129,6 +131,8 @@ class RoundTripAgent:
     knows_truth: ClassVar[bool] = False
     EXPLORER: ClassVar[type[GapExplorerAgent | OnwardFollower]] = GapExplorerAgent
     """The agent that explores."""
+    HOMER: ClassVar[type[Albot1Homing | PatchHoming]] = Albot1Homing
+    """The agent that drives home."""
 
     SPEED = 0.35
     """Expected speed on the way home (m/s)."""
@@ -140,7 +144,7 @@ class RoundTripAgent:
     def __init__(self, configs: EnvironmentConfigs) -> None:
         self._observation_config = configs.observations
         self._explorer = self.EXPLORER(configs)
-        self._homer = Albot1Homing(configs)
+        self._homer = self.HOMER(configs)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode, exploring.
@@ -166,7 +170,7 @@ class RoundTripAgent:
 
 
 class OnwardRoundTrip(RoundTripAgent):
-    """Explores like `onward-follower`, by the planner's hint, and drives home like `round-trip`.
+    """Explores like `onward-follower`, by the planner's hint, and drives home like `patch-homing`.
 
     Nearly all that it does depends on the present observation alone, so a policy can learn to act
     like it.
@@ -175,17 +179,18 @@ class OnwardRoundTrip(RoundTripAgent):
         configs: The environment's configurations of observations and actions.
 
     Raises:
-        InputError: Observations lack a part that `onward-follower` needs.
+        InputError: Observations lack a part that `onward-follower` or `patch-homing` needs.
     """
 
     name: ClassVar[str] = "onward-round-trip"
     EXPLORER: ClassVar[type[GapExplorerAgent | OnwardFollower]] = OnwardFollower
+    HOMER: ClassVar[type[Albot1Homing | PatchHoming]] = PatchHoming
 
     OBSERVATIONS: ClassVar[ObservationConfig] = replace(
         OnwardFollower.OBSERVATIONS,
         parts=tuple(part for part in PART_NAMES if part in _ROUND_TRIP_PARTS),
     )
-    """What it observes if nothing else is asked for: the way home too, and the time left."""
+    """What it observes if nothing else is asked for: the map too, and the time left."""
 
 
 class RandomAgent:

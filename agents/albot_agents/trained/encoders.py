@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int64
+from jaxtyping import Float, Float32, Float64, Int32
 
 from albot_agents.trained.shortest_path_kernels import rim_cells, search_paths
 from albot_core.errors import InputError
@@ -259,7 +259,7 @@ def path_costs(
     encoder: PartEncoder,
     costs: Float[np.ndarray, "patches cells"],
     patches: Float[np.ndarray, "patches channels cells"],
-) -> tuple[Float64[np.ndarray, "patches rim"], Int64[np.ndarray, "patches 2 cells"]]:
+) -> tuple[Float64[np.ndarray, "patches rim"], Int32[np.ndarray, "patches 2 cells"]]:
     """Return the costs of a planner's paths, and the paths as `search_paths` returns them.
 
     Args:
@@ -269,7 +269,7 @@ def path_costs(
     """
     rim = rim_cells(encoder.shape[1], encoder.radius)
     found = np.empty((len(costs), len(rim)))
-    before = np.empty((len(costs), 2, costs.shape[1]), np.int64)
+    before = np.empty((len(costs), 2, costs.shape[1]), np.int32)
     goals = patches[:, encoder.goal].argmax(axis=1)
     search_paths(costs.astype(np.float64), goals, rim, encoder.radius, found, before)
     return found, before

@@ -8,12 +8,15 @@ first part, within the rim, and their second, from the rim to the goal, are sear
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
 
 _DIAGONAL = math.sqrt(2.0)
+_BUCKETS = 1 << 15
+"""Largest number of buckets: more than a diagonal step can cost, in costs of the cheapest cell."""
 
 
 @kernel(arrays=True)
@@ -36,6 +39,23 @@ def rim_cells(side: int, radius: int) -> np.ndarray:
     return rim
 
 
+class _Queue(NamedTuple):
+    """Cells that wait, sorted into buckets by the cost of the path to them, modulo their number.
+
+    As R. Dial, Algorithm 360 (Communications of the ACM 12, 1969). No step costs less than a bucket
+    is wide, so the cells of a bucket can be settled in any order.
+    """
+
+    heads: np.ndarray
+    """Place of the first entry of each bucket, -1 if it is empty."""
+    following: np.ndarray
+    """Place of the next entry of the same bucket."""
+    cells: np.ndarray
+    """The entries' cells."""
+    lengths: np.ndarray
+    """The costs of the paths to them."""
+
+
 @kernel(arrays=True)
 def search_paths(
     costs: np.ndarray, goals: np.ndarray, rim: np.ndarray, radius: int, found: np.ndarray,
@@ -44,7 +64,8 @@ def search_paths(
     """Find the cheapest paths by each cell of the rim to the goal, in each of several patches.
 
     Args:
-        costs: Costs of the cells (patches, cells), above 0.
+        costs: Costs of the cells (patches, cells), above 0; the dearest at most e¹⁰ times the
+            cheapest of its patch.
         goals: Flat index of each patch's goal.
         rim: The rim's cells.
         radius: Its distance from the middle cell.
@@ -56,10 +77,15 @@ def search_paths(
     side = int(math.sqrt(cells) + 0.5)
     middle = (side // 2) * (side + 1)
     to_goal, to_middle = np.empty(cells), np.empty(cells)
-    queue, keys = np.empty(8 * cells + 1, np.int64), np.empty(8 * cells + 1)
+    queue = _Queue(
+        np.empty(_BUCKETS, np.int32),
+        np.empty(8 * cells + 1, np.int32),
+        np.empty(8 * cells + 1, np.int32),
+        np.empty(8 * cells + 1),
+    )
     for i in range(count):
-        _spread(costs[i], goals[i], side, rim, side, to_goal, before[i, 0], queue, keys)
-        _spread(costs[i], middle, side, rim, radius, to_middle, before[i, 1], queue, keys)
+        _spread(costs[i], goals[i], side, radius, side, to_goal, before[i, 0], queue)
+        _spread(costs[i], middle, side, radius, radius, to_middle, before[i, 1], queue)
         for k in range(len(rim)):
             found[i, k] = to_middle[rim[k]] + to_goal[rim[k]]
 
@@ -95,64 +121,45 @@ def add_path_derivatives(
 
 @kernel()
 def _spread(
-    costs: np.ndarray, start: int, side: int, ends: np.ndarray, radius: int, reached: np.ndarray,
-    before: np.ndarray, queue: np.ndarray, keys: np.ndarray,
+    costs: np.ndarray, start: int, side: int, rim: int, radius: int, reached: np.ndarray,
+    before: np.ndarray, queue: _Queue,
 ) -> None:  # fmt: skip
-    """Search from a cell until all ends are settled (Dijkstra 1959), with a binary heap.
+    """Search from a cell until the rim's cells are settled (Dial 1969, see `_Queue`).
 
     Only cells within `radius` of the middle cell, along both axes, are entered.
     """
     middle = side // 2
     low, high = max(0, middle - radius), min(side - 1, middle + radius)
+    width, dearest = math.inf, 0.0
     for cell in range(len(costs)):
         reached[cell], before[cell] = math.inf, -1
+        width, dearest = min(width, costs[cell]), max(dearest, costs[cell])
+    buckets = min(int(_DIAGONAL * dearest / width) + 2, _BUCKETS)
+    for k in range(buckets):
+        queue.heads[k] = -1
     reached[start] = 0.0
-    queue[0], keys[0] = start, 0.0
-    waiting, left = 1, len(ends)
-    while waiting > 0:
-        cell, so_far = queue[0], keys[0]
-        waiting -= 1
-        _sink(queue, keys, waiting)
+    queue.heads[0], queue.cells[0], queue.following[0], queue.lengths[0] = 0, start, -1, 0.0
+    count, bucket, empty, left = 1, 0, 0, 8 * rim
+    while empty < buckets and left > 0:
+        k = queue.heads[bucket]
+        if k < 0:
+            bucket, empty = (bucket + 1) % buckets, empty + 1
+            continue
+        empty, queue.heads[bucket] = 0, queue.following[k]
+        cell, so_far = queue.cells[k], queue.lengths[k]
         if so_far > reached[cell]:
             continue  # A cheaper path was found since.
         row, column = cell // side, cell % side
-        if max(abs(row - middle), abs(column - middle)) == len(ends) // 8:
+        if max(abs(row - middle), abs(column - middle)) == rim:
             left -= 1
-            if left == 0:
-                return
         for r in range(max(low, row - 1), min(high, row + 1) + 1):
             for c in range(max(low, column - 1), min(high, column + 1) + 1):
                 other = r * side + c
                 length = 0.5 if r == row or c == column else 0.5 * _DIAGONAL
-                cost = so_far + length * (costs[cell] + costs[other])
-                if cost < reached[other]:
-                    reached[other], before[other] = cost, cell
-                    _rise(queue, keys, waiting, other, cost)
-                    waiting += 1
-
-
-@kernel()
-def _rise(queue: np.ndarray, keys: np.ndarray, place: int, cell: int, key: float) -> None:
-    """Add a cell to a heap that has `place` entries."""
-    while place > 0:
-        above = (place - 1) // 2
-        if keys[above] <= key:
-            break
-        queue[place], keys[place] = queue[above], keys[above]
-        place = above
-    queue[place], keys[place] = cell, key
-
-
-@kernel()
-def _sink(queue: np.ndarray, keys: np.ndarray, count: int) -> None:
-    """Remove the first entry of a heap, which has `count` entries afterwards."""
-    cell, key = queue[count], keys[count]
-    place, below = 0, 1
-    while below < count:
-        if below + 1 < count and keys[below + 1] < keys[below]:
-            below += 1
-        if keys[below] >= key:
-            break
-        queue[place], keys[place] = queue[below], keys[below]
-        place, below = below, 2 * below + 1
-    queue[place], keys[place] = cell, key
+                whole = so_far + length * (costs[cell] + costs[other])
+                if whole < reached[other]:
+                    reached[other], before[other] = whole, cell
+                    waits = int(whole / width) % buckets
+                    queue.cells[count], queue.lengths[count] = other, whole
+                    queue.following[count], queue.heads[waits] = queue.heads[waits], count
+                    count += 1
