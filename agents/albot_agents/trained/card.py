@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from albot_agents.trained.agent_file import AgentFile
+from albot_agents.trained.encoders import PLANNER
 from albot_agents.training.learning_curve import (
     SPREAD,
     LearningCurves,
@@ -22,6 +24,7 @@ from albot_core.files import write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, deep_merge, read_record, to_plain
 from albot_core.robot import DEFAULT_ROBOT
+from albot_env.tasks.core.parts.map_patch import CHANNELS
 
 _FIGURES = {
     "success_rate": "success",
@@ -151,6 +154,7 @@ def _origin(agent: AgentFile) -> str:
         "command": f"`{training.command}`",
         "seed": plan.seed,
         **_cloned(plan),
+        **_learnt_costs(agent),
         "worlds": "; ".join(f"`{world}`" for world in shown),
         "robot": f"`{agent.settings.get('robot', DEFAULT_ROBOT)}`",
         "mapper": f"`{agent.settings.get('mapper', 'albot1')}`",
@@ -169,6 +173,19 @@ def _cloned(plan: TrainingPlan) -> dict[str, str]:
         return {}
     shown = f"{its.steps:,} samples of `{its.agent}`" if its.agent else f"`{its.demonstrations}`"
     return {"cloned before": shown}
+
+
+def _learnt_costs(agent: AgentFile) -> dict[str, str]:
+    """Return the row about what a planner's cells cost; none without a planner."""
+    planner = next((each for each in agent.network.encoders if each.kind == PLANNER), None)
+    observed = agent.observation_config
+    if planner is None or observed is None:
+        return {}
+    names = [name for name in CHANNELS if name in (observed.map_patch.channels or CHANNELS)]
+    # From -1, not here, to 1, here.
+    factors = np.exp(2 * agent.weights[f"{planner.part}.cost_weight"])
+    shown = ", ".join(f"{name} × {factor:.2f}" for name, factor in zip(names, factors, strict=True))
+    return {"learnt cost of a cell": f"{shown}; of an unknown one × 1"}
 
 
 def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.scripted.patch_homing import grid_graph
 from albot_agents.trained.agent_file import read_agent
+from albot_agents.trained.card import write_card
 from albot_agents.trained.encoders import PartEncoder, encode, path_costs
 from albot_agents.trained.network import Network, NetworkConfig
 from albot_agents.training.checkpoint import policy_weights
@@ -332,6 +334,9 @@ def test_an_agent_that_plans_over_its_map_is_trained_and_drives(tmp_path: Path) 
     expected, _ = run.learner.predict(observation, deterministic=True)
     found = np.clip(Network(file.network, file.weights)(observation), -1, 1)
     np.testing.assert_allclose(found, expected, atol=1e-5)
+    card, *_ = write_card(file, "planner", tmp_path / "planner.md")
+    (row,) = (line for line in card.read_text().splitlines() if "learnt cost" in line)
+    assert re.fullmatch(r".*\| walls × \d\.\d\d, trail × .*, home × .*; of an unknown .* \|", row)
 
 
 @pytest.mark.parametrize(
