@@ -30,6 +30,7 @@ from albot_agents.scripted.homing import (
 )
 from albot_agents.scripted.patch_homing import PatchHoming
 from albot_agents.scripted.place_judge import DecisionStump, PlaceJudge
+from albot_agents.scripted.trained_round_trip import TrainedRoundTrip
 from albot_agents.task import config_kind, is_probe, untwinned
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -172,6 +173,13 @@ AGENTS = {
         make=DecisionStump,
         tasks=(PLACES,),
     ),
+    TrainedRoundTrip.name: AgentEntry(
+        summary="Explores like the trained exploring, and drives home in time like homing.",
+        make=TrainedRoundTrip,
+        uses=TrainedRoundTrip.OBSERVATIONS.parts,
+        observations=TrainedRoundTrip.OBSERVATIONS,
+        tasks=(ROUND_TRIP,),
+    ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; reports places known to its mapper.",
         make=GapExplorerAgent,
@@ -214,7 +222,7 @@ AGENTS = {
     OnwardRoundTrip.name: AgentEntry(
         summary="Explores by the planner's hint while there is time, and drives home.",
         make=OnwardRoundTrip,
-        uses=(*_BY_WAY, ONWARD.name, TIME_LEFT.name),
+        uses=(*_DRIVING, CONFIDENCE.name, "map_patch", ONWARD.name, TIME_LEFT.name),
         observations=OnwardRoundTrip.OBSERVATIONS,
         tasks=(ROUND_TRIP,),
     ),

@@ -49,6 +49,7 @@ _CASES = (
     _Case("albot1", PATCH, "cnn", free=True),
     _Case("albot1", PATCH),
     _Case("albot1", PATCH, "cnn"),
+    _Case("albot1", PATCH, "planner"),
 )
 
 

@@ -19,8 +19,9 @@ Completer: TypeAlias = Callable[[click.Context, click.Parameter, str], list[Comp
 
 AGENTS = (
     "albot0-homing", "albot1-homing", "association-explorer", "association-homing",
-    "decision-stump", "exploring", "gap-explorer", "hint-follower", "home-vector", "homing",
-    "homing-blind", "homing-by-map", "homing-mapless", "map-homing", "nearest-frontier",
+    "decision-stump", "explore-and-home", "exploring", "gap-explorer", "hint-follower",
+    "home-vector", "homing", "homing-blind", "homing-by-map", "homing-lstm", "homing-mapless",
+    "map-homing", "nearest-frontier",
     "onward-follower", "onward-round-trip", "oracle", "patch-homing", "path-integration",
     "place-judge", "place-recognition", "random", "ratslam-explorer", "ratslam-homing",
     "round-trip",

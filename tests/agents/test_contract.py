@@ -132,6 +132,7 @@ def test_the_agents_are_these() -> None:
         "association-explorer",
         "association-homing",
         "decision-stump",
+        "explore-and-home",
         "gap-explorer",
         "hint-follower",
         "home-vector",
@@ -196,9 +197,17 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
             "albot0-homing, albot1-homing, association-homing, hint-follower, home-vector, "
             "map-homing, oracle, ",
         ),
-        ("nearest-frontier", "Albot/ExploreAndHome-v1", "onward-round-trip, random, round-trip"),
+        (
+            "nearest-frontier",
+            "Albot/ExploreAndHome-v1",
+            "explore-and-home, onward-round-trip, random, round-trip",
+        ),
         # At the start they are at home, and stay.
-        ("albot1-homing", "Albot/ExploreAndHome-v1", "onward-round-trip, random, round-trip"),
+        (
+            "albot1-homing",
+            "Albot/ExploreAndHome-v1",
+            "explore-and-home, onward-round-trip, random, round-trip",
+        ),
         (
             "oracle",
             "Albot/Explore-v0",

@@ -91,10 +91,10 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     assert (pair["num_envs"], pair["processes"]) == (2, 2)
     assert pair["scaling"] == pytest.approx(pair["together"] / pair["single"])
     assert min(pair["single"], pair["scaling"], pair["scaling_cpu"]) > 0
-    assert len(figures["learner"]["runs"]) == 6
+    assert len(figures["learner"]["runs"]) == 7
     lines = as_text(figures).splitlines()
     starts = [line.split()[0] for line in lines[1:]]
-    assert starts == ["environment"] * len(rows) + ["processes"] + ["learner"] * 6
+    assert starts == ["environment"] * len(rows) + ["processes"] + ["learner"] * 7
     assert lines[0].startswith(f"{figures['machine']['processor']}, Python")
 
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium.spaces import Discrete, Space
 
-from albot_agents.agent import Action, EnvironmentConfigs
+from albot_agents.agent import Action, Agent, EnvironmentConfigs
 from albot_agents.scripted.driving import SENSED_PARTS, DrivingAgent, steering_for
 from albot_agents.scripted.followers import OnwardFollower
 from albot_agents.scripted.homing import Albot1Homing
@@ -143,8 +143,8 @@ class RoundTripAgent:
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
         self._observation_config = configs.observations
-        self._explorer = self.EXPLORER(configs)
-        self._homer = self.HOMER(configs)
+        self._explorer: Agent = self.EXPLORER(configs)
+        self._homer: Agent = self.HOMER(configs)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode, exploring.
@@ -159,6 +159,11 @@ class RoundTripAgent:
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
+        its = self._homer if self._turns_back(observation) else self._explorer
+        return its.act(observation, info)
+
+    def _turns_back(self, observation: Any) -> bool:
+        """Return whether it is time to drive home; once it is, it remains so."""
         left = self._observation_config.decode(TIME_LEFT, observation)
         if self._observation_config.observes(CONFIDENCE):
             travel = self._observation_config.decode(CONFIDENCE, observation)
@@ -166,7 +171,7 @@ class RoundTripAgent:
             home = self._observation_config.decode(HOME, observation)
             travel = self.WINDING * float(np.hypot(*home))
         self._returns |= left < self.SPARE + travel / self.SPEED
-        return (self._homer if self._returns else self._explorer).act(observation, info)
+        return self._returns
 
 
 class OnwardRoundTrip(RoundTripAgent):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,18 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import run_trial
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.scripted.followers import OnwardFollower
+from albot_agents.scripted.trained_round_trip import Skill, TrainedRoundTrip
 from albot_core.errors import InputError
 from albot_env.tasks.core.actions import (
     ActionConfig,
     ClaimingActionConfig,
     DeclaringActionConfig,
+    MissionActionConfig,
 )
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.parts.beliefs import observe_home
+from albot_env.tasks.core.parts.scales import scale_ranges
+from albot_env.tasks.core.wayfinding import WayfindingConfig
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
 from albot_env.tasks.place_recognition.spaces import FEATURES, ArrivalsObservationConfig
@@ -169,6 +174,68 @@ def test_the_onward_round_trip_is_home_in_time_with_enough_ground_covered() -> N
     info = run_trial(trial).info
     assert info["is_success"]
     assert info["farthest_distance_home"] > 5.0
+
+
+def test_two_trained_agents_explore_and_come_home() -> None:
+    entry = find_agent("explore-and-home")
+    settings = entry.environment("Albot/ExploreAndHome-v1", {})
+    trial = Trial(
+        task="Albot/ExploreAndHome-v1",
+        agent="explore-and-home",
+        world="random:office:6?rooms=4",
+        seed=6,
+        settings=settings,
+    )
+    info = run_trial(trial).info
+    assert info["is_success"]
+    assert info["farthest_distance_home"] > 5.0
+
+
+@pytest.mark.parametrize("name", ["exploring", "homing"])
+def test_each_of_the_two_is_shown_what_it_saw_in_its_training(name: str) -> None:
+    """In the mission's observations, and in those of its own task, it drives the same way."""
+    file = find_agent(name).file
+    assert file is not None
+    own = file.observation_config
+    assert own is not None
+    shown = EnvironmentConfigs(TrainedRoundTrip.OBSERVATIONS, MissionActionConfig())
+    skill = Skill(name, "claim", shown)
+    alone = make_agent(name, EnvironmentConfigs(own, file.actions))
+    rng = np.random.default_rng(3)
+    skill.reset(np.random.default_rng(1), Box(-1, 1, (4,), np.float32))
+    alone.reset(np.random.default_rng(1), Box(-1, 1, (3,), np.float32))
+    for _ in range(20):
+        parts = {
+            part: rng.uniform(-1, 1, shape).astype(np.float32)
+            for part, shape in TrainedRoundTrip.OBSERVATIONS.shapes.items()
+        }
+        ranges = rng.uniform(0.1, 12.0, len(parts["laser"]))
+        seen = {part: parts[part] for part in own.shapes}
+        for config, its in ((TrainedRoundTrip.OBSERVATIONS, parts), (own, seen)):
+            its["laser"] = np.empty(len(ranges), np.float32)
+            scale_ranges(ranges, config.scales.laser, its["laser"])
+        found, expected = np.asarray(skill.act(parts, {})), np.asarray(alone.act(seen, {}))
+        np.testing.assert_allclose(found[:2], expected[:2], atol=1e-4)
+        assert found[2] == -1
+        assert set(found[3:]) <= {-1, 1}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"laser_range": 8.0}, r"exploring: expected laser_range 10 or more, found 8"),
+        (
+            {"laser_sectors": 18},
+            r"exploring: expected the part laser .*36.*, found \(18,\)",
+        ),
+        ({"home_range": 50.0}, r"exploring: expected home_range 100.0, found 50.0"),
+        ({"wayfinding": WayfindingConfig()}, r"exploring: expected wayfinding .*new_share=0.75"),
+    ],
+)
+def test_they_are_shown_nothing_else(changes: dict[str, Any], expected: str) -> None:
+    seen = replace(TrainedRoundTrip.OBSERVATIONS, **changes)
+    with pytest.raises(InputError, match=expected):
+        make_agent("explore-and-home", EnvironmentConfigs(seen, MissionActionConfig()))
 
 
 def test_the_decision_stump_names_the_arrival_that_agrees_most_if_it_agrees_enough() -> None:
