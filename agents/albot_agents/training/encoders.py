@@ -114,6 +114,17 @@ class Planner(nn.Module):
         return torch.cat((shares, cheapest / (cheapest + self._encoder.shape[1])), dim=1)
 
 
+def set_planner_costs(policy: nn.Module, costs: tuple[float, ...] | None) -> None:
+    """Set what the cells cost the planners of a policy at first (see `PolicyPlan`)."""
+    if costs is None:
+        return
+    for module in policy.modules():
+        if isinstance(module, Planner):
+            with torch.no_grad():  # A channel is 1 where something is, and else -1.
+                module.cost_weight.copy_(0.5 * torch.tensor(costs).log())
+                module.cost_bias.copy_(module.cost_weight.sum())
+
+
 class _PathCosts(torch.autograd.Function):
     """The costs of a planner's paths (observations, cells of the rim)."""
 

@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from albot_agents.trained.encoders import ABSENT, PartEncoder
 from albot_agents.trained.network import NOTHING
-from albot_agents.training.encoders import extractor_settings
+from albot_agents.training.encoders import extractor_settings, set_planner_costs
 from albot_agents.training.off_policy import make_off_policy_learner
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_agents.training.plan_check import check_device
@@ -46,7 +46,9 @@ def make_learner(
         torch.set_num_threads(plan.torch_threads)
     if plan.learns_off_policy:
         activation = _ACTIVATIONS[plan.policy.activation]
-        return make_off_policy_learner(plan, envs, encoders, activation, choose_device(plan))
+        made = make_off_policy_learner(plan, envs, encoders, activation, choose_device(plan))
+        set_planner_costs(made.policy, plan.policy.planner_costs)
+        return made
     numbers: dict[str, Any] = {
         name: getattr(plan, name)
         for name in (
@@ -65,6 +67,7 @@ def make_learner(
         **numbers,
     )
     _set_initial_action(learner, plan.policy)
+    set_planner_costs(learner.policy, plan.policy.planner_costs)
     return learner
 
 

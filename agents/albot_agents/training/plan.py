@@ -34,6 +34,7 @@ LARGEST_SEED = 2**32 - 1
 _SEED = Range(f"a whole number from 0 to {LARGEST_SEED}", 0.0, float(LARGEST_SEED), whole=True)
 _HEADS = Range("a whole number from 1 to 64", 1.0, 64.0, whole=True)
 _LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
+_COST = Range("a number from 0.01 to 100", 0.01, 100.0)
 _LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
 _THREADS = Range("a whole number from 0 to 1024", 0.0, 1024.0, whole=True)
 _FROM_TWO = Range("a whole number from 2, for a standard deviation", 2.0, whole=True)
@@ -52,7 +53,7 @@ _USERS = {
 """The algorithms that use each field; those that are not here are used by all."""
 _KIND_USERS = {
     "policy.filters": ("cnn", "multi_input"),
-    "policy.planner_radius": ("planner",),
+    **dict.fromkeys(("policy.planner_radius", "policy.planner_costs"), ("planner",)),
     **dict.fromkeys(("policy.graph_units", "policy.graph_heads"), ("attention", "multi_input")),
 }
 """The kinds of policies that use each field, for fields that not all kinds use."""
@@ -82,6 +83,10 @@ class PolicyPlan:
     """Number of heads of the attention, each of which pools the rows by its own weights."""
     planner_radius: int = 3
     """Distance from the robot of the cells by which a planner compares the ways (cells)."""
+    planner_costs: tuple[float, ...] | None = None
+    """What a planner's cells cost at first where they show a channel of `map_patch`, one number a
+    channel, as a factor of the cost of an unknown cell; None for 1 each. With walls that cost no
+    more than ground, a way leads through them, and few samples say that it does not."""
     net_arch: tuple[int, ...] = (64, 64)
     """Units of each hidden layer."""
     value_arch: tuple[int, ...] | None = None
@@ -117,6 +122,9 @@ class PolicyPlan:
         if any(number not in FINITE for number in self.initial_action or ()):
             found = str(list(self.initial_action or ()))
             raise InputError("PolicyPlan.initial_action", "finite numbers", found)
+        if any(cost not in _COST for cost in self.planner_costs or ()):
+            found = str(list(self.planner_costs or ()))
+            raise InputError("PolicyPlan.planner_costs", f"{_COST.expected}, each", found)
         for name in ("net_arch", "value_arch", "filters"):
             sizes = getattr(self, name) or ()
             if len(sizes) not in LAYERS or any(units not in SIZES for units in sizes):

@@ -234,6 +234,10 @@ def _encoder_sizes(
     if policy.planner_radius > largest:
         expected = f"at most {largest}, half the side of map_patch"
         raise where.at("planner_radius").error(expected, str(policy.planner_radius))
+    costs = policy.planner_costs
+    if costs is not None and len(costs) != shape[0]:
+        expected = f"{shape[0]} numbers, one for each of {', '.join(shown.channels or CHANNELS)}"
+        raise where.at("planner_costs").error(expected, str(len(costs)))
     return {"kind": PLANNER, "goal": goal, "radius": policy.planner_radius}
 
 

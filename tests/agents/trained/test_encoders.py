@@ -25,7 +25,11 @@ from albot_agents.trained.card import write_card
 from albot_agents.trained.encoders import PartEncoder, encode, path_costs
 from albot_agents.trained.network import Network, NetworkConfig
 from albot_agents.training.checkpoint import policy_weights
-from albot_agents.training.encoders import PartsExtractor, extractor_settings
+from albot_agents.training.encoders import (
+    PartsExtractor,
+    extractor_settings,
+    set_planner_costs,
+)
 from albot_agents.training.plan import ALGORITHMS, ON_POLICY, PolicyPlan, TrainingPlan
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
@@ -219,6 +223,19 @@ def test_a_planner_learns_by_the_exact_gradient() -> None:
             assert found == pytest.approx((sums[0] - sums[1]) / 2e-6, rel=1e-4, abs=1e-6)
 
 
+def test_a_planner_begins_with_the_costs_of_its_plan() -> None:
+    (encoder,) = ENCODERS["planner"]
+    module: Any = PartsExtractor(Box(-1, 1, (LENGTH,), np.float32), (encoder,))
+    costs = (8.0, 0.5, 1.0)
+    set_planner_costs(module, costs)
+    planner = module.parts["map_patch"]
+    for shown in np.ndindex(2, 2, 2):  # Nothing costs 1; all else multiplies it.
+        numbers = torch.tensor([1.0 if each else -1.0 for each in shown])
+        found = (planner.cost_weight @ numbers + planner.cost_bias).exp().item()
+        factors = [cost for cost, each in zip(costs, shown, strict=True) if each]
+        assert found == pytest.approx(np.prod(factors))
+
+
 def test_an_untrained_planner_heads_straight_for_the_goal() -> None:
     weights = {
         "map_patch.cost_weight": np.zeros(1, np.float32),
@@ -318,7 +335,7 @@ def test_an_agent_that_sees_its_map_is_trained_and_drives(tmp_path: Path, algori
 def test_an_agent_that_plans_over_its_map_is_trained_and_drives(tmp_path: Path) -> None:
     """By PPO and the clone of `patch-homing`: what the cells cost is learnt by both."""
     changes = {
-        "policy": {"kind": "planner", "planner_radius": 2},
+        "policy": {"kind": "planner", "planner_radius": 2, "planner_costs": [9.0, 0.5, 1.0]},
         "pretrain": {"agent": "patch-homing", "steps": 64, "n_envs": 2, "n_epochs": 2},
         "env": {"config": {"observations": {"map_patch": {"channels": PLANNED}}}},
     }
@@ -329,7 +346,9 @@ def test_an_agent_that_plans_over_its_map_is_trained_and_drives(tmp_path: Path) 
     file = read_agent(folder.last)
     (encoder,) = file.network.encoders
     assert (encoder.kind, encoder.goal, encoder.radius) == ("planner", 2, 2)
-    assert (np.abs(file.weights["map_patch.cost_weight"]) > 1e-4).all()
+    learnt = file.weights["map_patch.cost_weight"] - 0.5 * np.log((9.0, 0.5, 1.0))
+    assert (np.abs(learnt) > 1e-4).all()
+    assert np.abs(learnt).max() < 0.3
     observation = np.linspace(-1, 1, file.network.inputs, dtype=np.float32)
     expected, _ = run.learner.predict(observation, deterministic=True)
     found = np.clip(Network(file.network, file.weights)(observation), -1, 1)
@@ -345,6 +364,7 @@ def test_an_agent_that_plans_over_its_map_is_trained_and_drives(tmp_path: Path) 
         ({"channels": ["walls"]}, {}, r"kind: expected .*the channel home, found planner, 1"),
         ({"sides": [8.0, 16.0]}, {}, r"kind: expected .*one square .*, found planner, 2 squares"),
         ({}, {"planner_radius": 4}, r"planner_radius: expected at most 3, .* found 4"),
+        ({}, {"planner_costs": [9, 1]}, r"planner_costs: expected 3 numbers, .*, found 2"),
     ],
 )
 def test_a_planner_needs_one_square_that_shows_home(
