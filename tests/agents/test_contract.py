@@ -32,7 +32,8 @@ def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]
     entry = find_agent(name)
     settings = {"world": LOOP, "mapper": "odometry", "observation": form}
     hears_only = entry.environment(environment, {}).get("laser") == "none"
-    sees_matches = entry.file is not None and entry.configs.observations.observes(MATCHES)
+    chosen = entry.file is not None or entry.observations is not None
+    sees_matches = chosen and entry.configs.observations.observes(MATCHES)
     if hears_only or sees_matches:  # An odometer has neither exits nor matches.
         settings["mapper"] = entry.mapper
     wanted = {**settings, **SETTINGS.get(environment, {})}

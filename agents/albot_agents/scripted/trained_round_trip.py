@@ -6,16 +6,18 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete, Space
+from gymnasium.spaces import Box, Space
 
-from albot_agents.agent import Action, EnvironmentConfigs
+from albot_agents.agent import Action, Commands, EnvironmentConfigs
 from albot_agents.scripted.exploring import RoundTripAgent
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.network import DRIVEN
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError
+from albot_core.planning.steering import Command
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
+from albot_env.tasks.core.parts.beliefs import TIME_LEFT
 from albot_env.tasks.core.parts.scales import scale_ranges
 from albot_env.tasks.core.parts.sensors import LASER
 from albot_env.tasks.core.wayfinding import WayfindingConfig
@@ -43,8 +45,8 @@ class TrainedRoundTrip(RoundTripAgent):
     """
 
     name: ClassVar[str] = "explore-and-home"
-    SKILLS: ClassVar[Mapping[str, str]] = {"exploring": "claim", "homing": "declare"}
-    """The agents that explore and drive home, and what each says."""
+    SKILLS: ClassVar[tuple[str, str]] = ("exploring", "homing")
+    """The agents that explore, and claim; and that drive home, and declare."""
     SPEED = 0.6
 
     OBSERVATIONS: ClassVar[ObservationConfig] = ObservationConfig(
@@ -67,16 +69,25 @@ class TrainedRoundTrip(RoundTripAgent):
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
         self._observation_config = configs.observations
-        self._explorer, self._homer = (Skill(*skill, configs) for skill in self.SKILLS.items())
+        self._commands = Commands(configs.actions)
+        self._explores, self._drives_home = (Skill(name, configs) for name in self.SKILLS)
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
+        """Begin a new episode, exploring."""
+        self._observation_config.require((TIME_LEFT.name,), self.name)
+        self._commands.reset(actions, self.name)
+        self._explores.reset(rng)
+        self._drives_home.reset(rng)
+        self._returns = False
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action. On the way home, too, it claims to know places."""
-        exploring = np.asarray(self._explorer.act(observation, info))
-        if not self._turns_back(observation):
-            return exploring
-        homing = np.asarray(self._homer.act(observation, info))
-        said = np.maximum(exploring[DRIVEN:], homing[DRIVEN:])
-        return np.concatenate((homing[:DRIVEN], said))
+        command, claims = self._explores.act(observation)
+        says = "claim" if claims else ""
+        if self._turns_back(observation):
+            command, is_home = self._drives_home.act(observation)
+            says = "declare" if is_home else says
+        return self._commands.action(command, says=says)
 
 
 class Skill:
@@ -84,21 +95,17 @@ class Skill:
 
     Args:
         name: Name of the trained agent.
-        said: What its third number says.
         configs: The environment's configurations.
 
     Raises:
         InputError: The environment does not show what the agent saw in its training.
     """
 
-    knows_truth: ClassVar[bool] = False
-
-    def __init__(self, name: str, said: str, configs: EnvironmentConfigs) -> None:
-        self.name = name
+    def __init__(self, name: str, configs: EnvironmentConfigs) -> None:
         file = read_agent(shipped_agents()[name])
         seen, shown = file.observation_config, configs.observations
         assert seen is not None, f"{name} was not trained to drive"
-        self._seen, self._shown, self._said = seen, shown, said
+        self._seen, self._shown = seen, shown
         self._threshold = float(file.settings["config"]["actions"].get("threshold", 0.0))
         for part, shape in seen.shapes.items():
             found = shown.shapes.get(part)
@@ -112,31 +119,20 @@ class Skill:
         if shown.laser_range < seen.laser_range:
             expected = f"laser_range {seen.laser_range:g} or more"
             raise InputError(name, expected, f"{shown.laser_range:g}")
-        self._actions = configs.actions
         self._agent = TrainedAgent(name, file, EnvironmentConfigs(seen, file.actions))
+        self._scales = np.array((file.actions.speed, file.actions.turn_rate))
         self._asked = Box(-1, 1, (file.network.outputs,), np.float32)
 
-    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
-        """Begin a new episode.
-
-        Raises:
-            InputError: Actions are discrete.
-        """
-        if isinstance(actions, Discrete):
-            raise InputError(self.name, "continuous actions", f"{actions.n} discrete")
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin a new episode."""
         self._agent.reset(rng, self._asked)
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """Return what the trained agent would do; it says nothing else."""
+    def act(self, observation: Any) -> tuple[Command, bool]:
+        """Return how the agent would drive (m/s, rad/s), and whether it would say what it can."""
         parts = observation if isinstance(observation, dict) else self._shown.split(observation)
         own = {part: np.asarray(parts[part], np.float32) for part in self._seen.shapes}
         ranges = self._shown.decode(LASER, observation)
         own[LASER.name] = np.empty(len(ranges), np.float32)
         scale_ranges(ranges, self._seen.scales.laser, own[LASER.name])
-        numbers = np.asarray(self._agent.act(own, info))
-        driving, said = numbers[:DRIVEN], numbers[DRIVEN]
-        answer = np.full(len(self._actions.names), -1.0, np.float32)
-        answer[:DRIVEN] = driving
-        if self._said in self._actions.names:
-            answer[self._actions.names.index(self._said)] = 2 * (said > self._threshold) - 1
-        return answer
+        numbers = np.asarray(self._agent.act(own, {}), np.float64)
+        return numbers[:DRIVEN] * self._scales, bool(numbers[DRIVEN] > self._threshold)
