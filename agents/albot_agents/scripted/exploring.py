@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium.spaces import Discrete, Space
 
-from albot_agents.agent import Action, Agent, EnvironmentConfigs
+from albot_agents.agent import Action, EnvironmentConfigs
 from albot_agents.scripted.driving import SENSED_PARTS, DrivingAgent, steering_for
 from albot_agents.scripted.followers import OnwardFollower
 from albot_agents.scripted.homing import Albot1Homing
@@ -117,11 +117,48 @@ class RatSlamExplorer(DrivingAgent[RouteExplorer]):
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
 
-class RoundTripAgent:
-    """Explores like `gap-explorer`, and drives home like `albot1-homing` before time is up.
+class TimeToReturn:
+    """Tells when a robot must drive home, so as to be there before its time is up.
 
     It takes the length of the way home from the mapper's confidence, which falls with that length;
     where that is not observed, from the distance of home on a straight line.
+
+    Args:
+        config: The environment's observation config.
+        speed: Expected speed on the way home (m/s).
+    """
+
+    SPARE = 15.0
+    """Time kept in reserve (s)."""
+    WINDING = 2.0
+    """Expected length of the way home, divided by the distance on a straight line."""
+
+    def __init__(self, config: ObservationConfig, speed: float) -> None:
+        self._config, self._speed = config, speed
+
+    def reset(self, who: str) -> None:
+        """Begin a new episode of this agent.
+
+        Raises:
+            InputError: Observations lack the part `time_left`.
+        """
+        self._config.require((TIME_LEFT.name,), who)
+        self._has_come = False
+
+    def has_come(self, observation: Any) -> bool:
+        """Return whether it is time to drive home; once it is, it remains so."""
+        left = self._config.decode(TIME_LEFT, observation)
+        if self._config.observes(CONFIDENCE):
+            travel = self._config.decode(CONFIDENCE, observation)
+        else:
+            home = self._config.decode(HOME, observation)
+            travel = self.WINDING * float(np.hypot(*home))
+        self._has_come |= left < self.SPARE + travel / self._speed
+        return self._has_come
+
+
+class RoundTripAgent:
+    """Explores like `gap-explorer`, and drives home like `albot1-homing` before time is up.
 
     Args:
         configs: The environment's configurations of observations and actions.
@@ -136,15 +173,11 @@ class RoundTripAgent:
 
     SPEED = 0.35
     """Expected speed on the way home (m/s)."""
-    SPARE = 15.0
-    """Time kept in reserve (s)."""
-    WINDING = 2.0
-    """Expected length of the way home, divided by the distance on a straight line."""
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
-        self._observation_config = configs.observations
-        self._explorer: Agent = self.EXPLORER(configs)
-        self._homer: Agent = self.HOMER(configs)
+        self._return = TimeToReturn(configs.observations, self.SPEED)
+        self._explorer = self.EXPLORER(configs)
+        self._homer = self.HOMER(configs)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode, exploring.
@@ -152,26 +185,14 @@ class RoundTripAgent:
         Raises:
             InputError: Observations lack the part `time_left`.
         """
-        self._observation_config.require((TIME_LEFT.name,), self.name)
+        self._return.reset(self.name)
         self._explorer.reset(rng, actions)
         self._homer.reset(rng, actions)
-        self._returns = False
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action."""
-        its = self._homer if self._turns_back(observation) else self._explorer
+        its = self._homer if self._return.has_come(observation) else self._explorer
         return its.act(observation, info)
-
-    def _turns_back(self, observation: Any) -> bool:
-        """Return whether it is time to drive home; once it is, it remains so."""
-        left = self._observation_config.decode(TIME_LEFT, observation)
-        if self._observation_config.observes(CONFIDENCE):
-            travel = self._observation_config.decode(CONFIDENCE, observation)
-        else:
-            home = self._observation_config.decode(HOME, observation)
-            travel = self.WINDING * float(np.hypot(*home))
-        self._returns |= left < self.SPARE + travel / self.SPEED
-        return self._returns
 
 
 class OnwardRoundTrip(RoundTripAgent):

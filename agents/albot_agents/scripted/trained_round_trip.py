@@ -9,29 +9,29 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 
 from albot_agents.agent import Action, Commands, EnvironmentConfigs
-from albot_agents.scripted.exploring import RoundTripAgent
+from albot_agents.scripted.exploring import TimeToReturn
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.network import DRIVEN
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError
 from albot_core.planning.steering import Command
+from albot_env.tasks.core.actions import FlaggingActionConfig
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
-from albot_env.tasks.core.parts.beliefs import TIME_LEFT
 from albot_env.tasks.core.parts.scales import scale_ranges
 from albot_env.tasks.core.parts.sensors import LASER
 from albot_env.tasks.core.wayfinding import WayfindingConfig
 
 _SCALES = (
-    "laser_knee", "laser_sectors", "home_range", "home_knee", "home_drift", "home_near",
+    "laser", "laser_knee", "laser_sectors", "home_range", "home_knee", "home_drift", "home_near",
     "step_length", "step_turn",
 )  # fmt: skip
-"""Scales of observations that must be as in a skill's training; each has its own laser range."""
+"""What must be as in a skill's training; only the laser's range is its own."""
 _SCALED_BY = {"coverage": "coverage", "onward": "wayfinding"}
 """The configurations on which parts depend."""
 
 
-class TrainedRoundTrip(RoundTripAgent):
+class TrainedRoundTrip:
     """Explores and claims like the trained `exploring`; drives home in time like `homing`.
 
     Each network is shown what it saw in its training. When to turn back is decided as by
@@ -45,9 +45,11 @@ class TrainedRoundTrip(RoundTripAgent):
     """
 
     name: ClassVar[str] = "explore-and-home"
+    knows_truth: ClassVar[bool] = False
     SKILLS: ClassVar[tuple[str, str]] = ("exploring", "homing")
     """The agents that explore, and claim; and that drive home, and declare."""
     SPEED = 0.6
+    """Expected speed on the way home (m/s)."""
 
     OBSERVATIONS: ClassVar[ObservationConfig] = ObservationConfig(
         laser_sectors=36,
@@ -68,23 +70,26 @@ class TrainedRoundTrip(RoundTripAgent):
     """What it observes if nothing else is asked for."""
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
-        self._observation_config = configs.observations
+        self._return = TimeToReturn(configs.observations, self.SPEED)
         self._commands = Commands(configs.actions)
         self._explores, self._drives_home = (Skill(name, configs) for name in self.SKILLS)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
-        """Begin a new episode, exploring."""
-        self._observation_config.require((TIME_LEFT.name,), self.name)
+        """Begin a new episode, exploring.
+
+        Raises:
+            InputError: Observations lack the part `time_left`, or actions do not drive.
+        """
+        self._return.reset(self.name)
         self._commands.reset(actions, self.name)
         self._explores.reset(rng)
         self._drives_home.reset(rng)
-        self._returns = False
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the next action. On the way home, too, it claims to know places."""
         command, claims = self._explores.act(observation)
         says = "claim" if claims else ""
-        if self._turns_back(observation):
+        if self._return.has_come(observation):
             command, is_home = self._drives_home.act(observation)
             says = "declare" if is_home else says
         return self._commands.action(command, says=says)
@@ -106,7 +111,8 @@ class Skill:
         seen, shown = file.observation_config, configs.observations
         assert seen is not None, f"{name} was not trained to drive"
         self._seen, self._shown = seen, shown
-        self._threshold = float(file.settings["config"]["actions"].get("threshold", 0.0))
+        usual = FlaggingActionConfig().threshold
+        self._threshold = float(file.settings["config"]["actions"].get("threshold", usual))
         for part, shape in seen.shapes.items():
             found = shown.shapes.get(part)
             if found != shape:

@@ -16,6 +16,7 @@ from albot_agents.registry import find_agent, make_agent
 from albot_agents.scripted.followers import OnwardFollower
 from albot_agents.scripted.trained_round_trip import Skill, TrainedRoundTrip
 from albot_core.errors import InputError
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.actions import (
     ActionConfig,
     ClaimingActionConfig,
@@ -160,28 +161,13 @@ def test_the_onward_follower_enters_the_rooms_of_a_building() -> None:
     assert info["coverage"] > 0.8
 
 
-def test_the_onward_round_trip_is_home_in_time_with_enough_ground_covered() -> None:
-    entry = find_agent("onward-round-trip")
-    settings = entry.environment("Albot/ExploreAndHome-v1", {})
+@pytest.mark.parametrize("name", ["explore-and-home", "onward-round-trip"])
+def test_whoever_explores_is_home_in_time_with_enough_ground_covered(name: str) -> None:
+    settings = find_agent(name).environment("Albot/ExploreAndHome-v1", {})
     assert settings["config"].hints
     trial = Trial(
         task="Albot/ExploreAndHome-v1",
-        agent="onward-round-trip",
-        world="random:office:6?rooms=4",
-        seed=6,
-        settings=settings,
-    )
-    info = run_trial(trial).info
-    assert info["is_success"]
-    assert info["farthest_distance_home"] > 5.0
-
-
-def test_two_trained_agents_explore_and_come_home() -> None:
-    entry = find_agent("explore-and-home")
-    settings = entry.environment("Albot/ExploreAndHome-v1", {})
-    trial = Trial(
-        task="Albot/ExploreAndHome-v1",
-        agent="explore-and-home",
+        agent=name,
         world="random:office:6?rooms=4",
         seed=6,
         settings=settings,
@@ -216,7 +202,7 @@ def test_each_of_the_two_is_shown_what_it_saw_in_its_training(name: str) -> None
             scale_ranges(ranges, config.scales.laser, its["laser"])
         (command, says), expected = skill.act(parts), np.asarray(alone.act(seen, {}))
         np.testing.assert_allclose(command, expected[:2] * (1.0, 2.0), atol=1e-4)
-        assert says == (expected[2] > (0.5 if name == "homing" else 0.0))
+        assert says == (expected[2] > MissionActionConfig().threshold)
 
 
 @pytest.mark.parametrize(
@@ -226,6 +212,10 @@ def test_each_of_the_two_is_shown_what_it_saw_in_its_training(name: str) -> None
         (
             {"laser_sectors": 18},
             r"exploring: expected the part laser .*36.*, found \(18,\)",
+        ),
+        (
+            {"laser": LaserGeometry(mount=(0.2, 0.0, 0.0))},
+            r"exploring: expected laser Laser.*mount",
         ),
         ({"home_range": 50.0}, r"exploring: expected home_range 100.0, found 50.0"),
         ({"wayfinding": WayfindingConfig()}, r"exploring: expected wayfinding .*new_share=0.75"),
