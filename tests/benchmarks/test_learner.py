@@ -23,8 +23,9 @@ def test_every_run_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert runs == [
         ("free", None, "mlp"), (explore, "none", "mlp"), (explore, "albot1", "mlp"),
         ("free", None, "cnn"), (explore, "albot1", "mlp"), (explore, "albot1", "cnn"),
+        (explore, "albot1", "planner"),
     ]  # fmt: skip
-    assert [("map_patch" in run["parts"]) for run in figures["runs"]] == [False] * 3 + [True] * 3
+    assert [("map_patch" in run["parts"]) for run in figures["runs"]] == [False] * 3 + [True] * 4
     assert all(run["samples_per_second"] > 0 for run in figures["runs"])
     assert all(0 < run["environment_share"] < 1 for run in figures["runs"])
     assert (figures["num_envs"], figures["batch"], figures["epochs"]) == (4, 4096, 4)
