@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
@@ -13,6 +13,9 @@ from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry
+
+Fact = bool | int | float | str | None
+"""What an info says of a moment; None for a number that is not finite."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +44,9 @@ class EpisodeHeader:
     """Geometry of the laser's beams; None on a robot without a laser."""
     sonar: SonarGeometry | None = None
     """Geometry of the sonars; None on a robot without sonars."""
+    spec: Mapping[str, Any] | None = None
+    """The environment's spec as JSON has it (`EnvSpec.to_json`), by which gymnasium makes it
+    again; None if it was made otherwise, or if JSON cannot hold one of its settings."""
     way_out: Points = field(default_factory=lambda: np.empty((0, 2)))
     """True path that led the robot to where the episode begins, world frame (m); empty where it
     begins at home."""
@@ -83,6 +89,8 @@ class Moment:
     activity: Activity | None = None
     """The activity of the mapper's attractor network; None if unchanged since the previous moment,
     or if the mapper has no network."""
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    """What the task's info says at this moment, by name; without what other fields hold."""
     dynamic_obstacles: Float64[np.ndarray, "obstacles 4"] = field(
         default_factory=lambda: np.empty((0, 4))
     )

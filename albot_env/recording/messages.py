@@ -15,7 +15,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of, transform
 from albot_env.recording.layers import map_messages
 
-FORMAT = 5
+FORMAT = 6
 """Version of the project's own message formats."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
@@ -38,6 +38,7 @@ def header_messages(header: EpisodeHeader) -> Iterator[Message]:
             "robot_radius": header.robot_radius,
             "agent": header.agent,
             "seed": header.seed,
+            "spec": header.spec,
             "laser": None if header.laser is None else _laser(header.laser),
             "sonar": None if header.sonar is None else _sonars(header.sonar),
             "way_out": header.way_out.tolist(),
@@ -97,6 +98,7 @@ def _step(moment: Moment) -> dict[str, Any]:
         "home": moment.home.tolist(),
         "updates": moment.updates,
         "matched_reading": moment.matched_reading,
+        "facts": dict(moment.facts),
     }
 
 

@@ -35,7 +35,7 @@ from albot_core.sensing.reading import (
 )
 from albot_core.yaml_document import format_value
 from albot_env.recording.activity import activity_from_message
-from albot_env.recording.episode import EpisodeHeader, Moment
+from albot_env.recording.episode import EpisodeHeader, Fact, Moment
 from albot_env.recording.layers import map_from_message
 from albot_env.recording.schemas import EPISODE_HEADER
 
@@ -55,6 +55,7 @@ _STEP = dict.fromkeys(("action", *_POSES), Any) | {
     "path_length": float,
     "updates": int,
     "matched_reading": int | None,
+    "facts": dict[str, Any],
 }
 """Fields of a step; `Any` stands for lists of numbers."""
 
@@ -149,6 +150,7 @@ class EpisodeReader:
             home=poses["home"],
             updates=step["updates"],
             matched_reading=step["matched_reading"],
+            facts=_facts(step["facts"], where.at("facts")),
             snapshot=None,
         )
 
@@ -205,6 +207,7 @@ class EpisodeReader:
             robot_radius=content["robot_radius"],
             way_out=read_array((None, 2), content["way_out"], where.at("way_out")),
             seed=content["seed"],
+            spec=content["spec"],
             agent=content["agent"],
             laser=laser,
             sonar=sonar,
@@ -309,6 +312,18 @@ def _was_closed(stream: BinaryIO) -> bool:
     """Whether a file ends as MCAP files do; if so, unreadable data is damage, not truncation."""
     stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
     return stream.read() == MCAP0_MAGIC
+
+
+def _facts(content: dict[str, Any], where: Location) -> dict[str, Fact]:
+    """Return the facts of a moment.
+
+    Raises:
+        InputError: One of them is neither a number, nor a text, true, false or null.
+    """
+    for name, value in content.items():
+        if not isinstance(value, bool | int | float | str | None):
+            raise where.at(name).error("a number, a text, true, false or null", format_value(value))
+    return content
 
 
 def _laser_geometry(content: dict[str, Any] | None) -> LaserGeometry | None:

@@ -165,7 +165,7 @@ LASER_GEOMETRY = _strict(
 )
 EPISODE_HEADER = _strict(
     "albot.EpisodeHeader",
-    format={"const": 5, "description": "Version of the albot messages."},
+    format={"const": 6, "description": "Version of the albot messages."},
     environment=STRING,
     world=STRING,
     walls=_list(_numbers(4)),
@@ -175,6 +175,10 @@ EPISODE_HEADER = _strict(
     robot_radius={"type": "number", "exclusiveMinimum": 0, "description": "In metres."},
     agent=STRING,
     seed={"type": ["integer", "null"]},
+    spec={
+        "type": ["object", "null"],
+        "description": "The environment's spec, as gymnasium's EnvSpec.to_json writes it.",
+    },
     laser={"oneOf": [LASER_GEOMETRY, NULL], "description": "Null on a robot without a laser."},
     sonar={"oneOf": [SONAR_GEOMETRY, NULL], "description": "Null on a robot without sonars."},
     way_out=_list(_numbers(2))
@@ -202,6 +206,11 @@ STEP = _strict(
     matched_reading={
         "type": ["integer", "null"],
         "description": "The earlier reading believed to be of this place, counted from 0.",
+    },
+    facts={
+        "type": "object",
+        "additionalProperties": {"type": ["boolean", "number", "string", "null"]},
+        "description": "What the task's info says, without what other fields hold.",
     },
 )
 _PLACE = _strict(

@@ -100,6 +100,7 @@ def _write_episode(folder: Path) -> None:
         odometer="ideal",
         robot_radius=0.25,
         seed=3,
+        spec={"id": "Albot/Explore-v0", "kwargs": {"world": "room"}},
         laser=sensed[0].laser.geometry,
         sonar=sensed[0].sonar.geometry,
     )
@@ -119,6 +120,7 @@ def _write_episode(folder: Path) -> None:
             home=np.array((-0.3 * k, 0.0, 0.1)),
             updates=k,
             matched_reading=0 if k else None,
+            facts={"coverage": 0.1 * k, "is_success": False, "change": "none", "gap": None},
             snapshot=None if k == 1 else _layers(),
             activity=None if k == 1 else _activity(),
             dynamic_obstacles=ROOM[:2],

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+import json
+from collections.abc import Mapping
+from math import inf
+from typing import Any, cast
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
+from albot_core.errors import InputError
 from albot_core.maps.activity import Activity
-from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
+from albot_env.recording.episode import EpisodeHeader, Fact, Moment, NullRecorder, Recorder
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.tasks.core.interface import TaskInterface
+from albot_env.tasks.core.spec import ConfiguredSpec
+
+_FIELDS = ("collided", "path_length", "time", "updates")
+"""Facts that a moment has fields for."""
 
 
 class EpisodeFollower:
@@ -46,10 +55,15 @@ class EpisodeFollower:
         """Follow the episode no more, until the next `begin`."""
         self._trace = None
 
-    def begin(self, seed: int | None) -> None:
-        """Begin to follow an episode, from its present state."""
+    def begin(self, seed: int | None, spec: EnvSpec | None) -> None:
+        """Begin to follow an episode, from its present state.
+
+        Args:
+            seed: Seed of the reset; None if none was given.
+            spec: The environment's spec; None if gymnasium did not make it.
+        """
         self._map_version, self._activity = -1, None
-        header, moment = self._header(seed), self._moment(None)
+        header, moment = self._header(seed, spec), self._moment(None)
         self.recorder.begin(header)
         self._trace = Trace(header, moment)
         self.recorder.add(moment)
@@ -81,12 +95,24 @@ class EpisodeFollower:
             home=robots.homes_in_robot[row].copy(),
             updates=int(robots.updates[row]),
             matched_reading=None if matched < 0 else matched,
+            facts=self._facts(),
             snapshot=robots.snapshot(row) if changed else None,
             activity=None if activity is before else activity,
             dynamic_obstacles=robots.dynamic_obstacles(row),
         )
 
-    def _header(self, seed: int | None) -> EpisodeHeader:
+    def _facts(self) -> dict[str, Fact]:
+        """Return what the info says that a moment has no field for."""
+        facts = {
+            name: fact.item(self._row)
+            for name, fact in self._interface.robots.facts.items()
+            if fact.ndim == 1 and name not in _FIELDS
+        }
+        # JSON has no infinity.
+        infinite = [name for name, fact in facts.items() if fact in (inf, -inf) or fact != fact]
+        return {**facts, **dict.fromkeys(infinite)}
+
+    def _header(self, seed: int | None, spec: EnvSpec | None) -> EpisodeHeader:
         robots, row = self._interface.robots, self._row
         world, config = robots.world(row), robots.observation_config
         return EpisodeHeader(
@@ -98,11 +124,22 @@ class EpisodeFollower:
             odometer=self._interface.odometer,
             robot_radius=self._interface.robot_config.radius,
             seed=seed,
+            spec=_plain(spec),
             laser=config.laser,
             sonar=config.sonar,
             agent=self.agent,
             way_out=robots.way_out(row),
         )
+
+
+def _plain(spec: EnvSpec | None) -> Mapping[str, Any] | None:
+    """Return a spec as plain data; None if there is none, or if JSON cannot hold it."""
+    if spec is None:
+        return None
+    try:
+        return cast("Mapping[str, Any]", json.loads(ConfiguredSpec.of(spec).to_json()))
+    except InputError:
+        return None
 
 
 def painted(frame: Frame) -> np.ndarray:

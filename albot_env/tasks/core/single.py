@@ -279,7 +279,7 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         if self.render_mode is None and not self._follower.records:
             self._follower.forget()
         else:
-            self._follower.begin(seed)
+            self._follower.begin(seed, self._spec)
             self._show()
         self._begun = True
 

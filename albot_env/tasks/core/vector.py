@@ -409,7 +409,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         """Take down the episodes of some environments from now on, if they are to be drawn."""
         if self._followers:
             for row in rows.tolist():
-                self._followers[row].begin(None)
+                self._followers[row].begin(None, self.spec)
 
     def _render_one(self, row: int) -> UInt8[np.ndarray, "h w 3"] | None:
         self._check_open()

@@ -126,7 +126,7 @@ def _sonar(**changes: object) -> dict[str, object]:
 
 def _header(**changes: object) -> bytes:
     header = {
-        "format": 5,
+        "format": 6,
         "environment": "Albot/Explore-v0",
         "world": "w",
         "walls": [[0, 0, 1, 0]],
@@ -136,6 +136,7 @@ def _header(**changes: object) -> bytes:
         "robot_radius": 0.25,
         "agent": "a",
         "seed": 1,
+        "spec": None,
         "laser": {
             "beams": 3,
             "first_bearing": -1.5,
@@ -177,6 +178,7 @@ def test_another_mcap_file_is_refused(tmp_path: Path) -> None:
         ({"walls": [[0, 0, 1]]}, "header/walls/0"),
         ({"start": None}, "header/start"),
         ({"seed": "one"}, "header/seed"),
+        ({"spec": "Albot/Explore-v0"}, "header/spec"),
         ({"sonar": {"bearings": [0]}}, "header/sonar"),
         ({"sonar": _sonar(cone=7.0)}, "header.sonar.cone"),
         ({"sonar": _sonar(places=[])}, "header.sonar.places"),
@@ -192,7 +194,7 @@ STEP_SENT = {
     "stamp": 0.0, "action": None, "reward": 0.0, "terms": {"coverage": 1.0}, "motion": [0, 0, 0],
     "echoes": None, "scene": None, "pose": [0, 0, 0], "collided": False, "room": "west",
     "path_length": 0.0, "belief": [0, 0, 0], "home": [0, 0, 0], "updates": 0,
-    "matched_reading": None,
+    "matched_reading": None, "facts": {"coverage": 0.5},
 }  # fmt: skip
 NODE = {"id": 0, "label": "P1", "pose": [0, 0, 0], "middle": [0, 0], "segments": []}
 EDGE = {"source": 0, "target": 0, "motion": [0, 0, 0], "doorway": None, "reverse": None}
@@ -238,6 +240,8 @@ def test_the_messages_that_are_damaged_below_are_whole(tmp_path: Path) -> None:
         ("/albot/step", STEP_SENT | {"updates": -1}, "updates: expected a whole number from 0"),
         ("/albot/step", STEP_SENT | {"updates": 1.5}, "updates: expected a whole number"),
         ("/albot/step", STEP_SENT | {"matched_reading": "x"}, "matched_reading: expected a whole"),
+        ("/albot/step", STEP_SENT | {"facts": []}, "facts: expected a mapping"),
+        ("/albot/step", STEP_SENT | {"facts": {"a": [1]}}, "facts.a: expected a number, a text"),
         ("/albot/step", STEP_SENT | {"echoes": [1]}, "echoes: expected echoes of the sonars"),
         ("/albot/map", [], "expected a mapping with"),
         ("/albot/map", {"segmnts": {}}, "found segmnts .did you mean segments"),

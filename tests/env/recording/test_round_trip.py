@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+import gymnasium
 import jsonschema
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from albot_env.recording.log import EpisodeLog, read_episode_log, read_log_or_ep
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import TOPICS
 from albot_env.recording.writer import CHUNK_MOMENTS, EpisodeWriter
+from albot_maps import load_world
 from tests.env.conftest import drive
 
 
@@ -68,12 +70,40 @@ def test_what_is_read_is_what_was_written_to_the_last_bit(make_env, episode: Pat
         for one, other in zip(_flat(ours), _flat(theirs), strict=True):
             assert np.array_equal(one, other)
         assert ours.terms == theirs.terms
+        assert ours.facts == theirs.facts
         assert (ours.collided, ours.room) == (theirs.collided, theirs.room)
     header = reader.header
     assert (header.world, header.mapper, header.seed) == ("two-rooms", "albot1", 5)
     assert reader.header.agent == "chance"
     assert np.array_equal(header.walls, memory.header.walls)
     assert header.laser == memory.header.laser
+
+
+def test_an_episode_knows_the_environment_that_it_is_from(tmp_path: Path) -> None:
+    chosen = {"world": "square-loop", "mapper": "odometry", "config": {"weights": {"time": -0.5}}}
+    env = gymnasium.make("Albot/Explore-v0", **chosen)
+    env.unwrapped.recorder = EpisodeWriter(tmp_path / "a.mcap")
+    env.reset(seed=5)
+    info = env.step(np.array((1.0, 0.0, -1.0), np.float32))[-1]
+    env.close()
+    reader = EpisodeReader(tmp_path / "a.mcap")
+    spec = gymnasium.envs.registration.EnvSpec.from_json(json.dumps(reader.header.spec))
+    assert (spec.id, spec.kwargs) == ("Albot/Explore-v0", chosen)
+    facts = list(reader.moments())[-1].facts
+    assert facts["coverage"] == info["coverage"] > 0
+    assert facts["rooms_entered"] == info["rooms_entered"]
+    again = gymnasium.make(spec)
+    again.reset(seed=reader.header.seed)
+    assert again.step(np.array((1.0, 0.0, -1.0), np.float32))[-1]["coverage"] == facts["coverage"]
+    again.close()
+
+
+def test_an_environment_that_json_cannot_hold_is_recorded_without_its_spec(tmp_path: Path) -> None:
+    env = gymnasium.make("Albot/Explore-v0", world=load_world("square-loop"), mapper="odometry")
+    env.unwrapped.recorder = EpisodeWriter(tmp_path / "a.mcap")
+    env.reset(seed=5)
+    env.close()
+    assert EpisodeReader(tmp_path / "a.mcap").header.spec is None
 
 
 def test_recorded_readings_rebuild_the_map(episode: Path) -> None:
