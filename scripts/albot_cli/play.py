@@ -143,6 +143,11 @@ RUN_ONLY = (
     help="Where the picture of truth and map is written.  [default: episode.png, or the first free "
     "one as above; none for EPISODE]",
 )
+@click.option(
+    "--html",
+    type=PathType(dir_okay=False),
+    help="Also write a page that plays the episode: one file that any browser opens.",
+)
 @figure_options("truth and map")
 @FORCE
 @click.option(
@@ -159,6 +164,7 @@ def command(
     what: str | None,
     record: Path | None,
     png: Path | None,
+    html: Path | None,
     figure: FigureFile | None,
     force: bool,
     as_json: bool,
@@ -173,6 +179,9 @@ def command(
     if options["speed"] is not None and isnan(options["speed"]):
         raise InputError("--speed", "a number above 0", "nan")
     episode = _episode_file(what)
+    if html is not None:
+        check_suffix(html, ".html", option="--html")
+        check_file(html, force=force)
     if episode is None:
         record, png = _free_names(record, png)
         check_suffix(record, SUFFIX, option="--record")
@@ -184,6 +193,11 @@ def command(
             _check_picture(png, episode, force)
         _check_play_back(ctx)
         summary = _play_back(episode, png, figure, options["speed"] or 10.0, options["headless"])
+    if html is not None:
+        from albot_env.rendering.page import write_page
+
+        write_page(Path(summary["files"]["episode"]), html)
+        summary["files"]["page"] = str(html)
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
 
 
@@ -438,6 +452,6 @@ def _as_text(summary: dict[str, Any]) -> str:
         f"  {' · '.join(figures)}",
         f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
     ]
-    drawn = {kind: summary["files"].get(kind) for kind in ("picture", "figure")}
+    drawn = {kind: summary["files"].get(kind) for kind in ("picture", "figure", "page")}
     lines += [f"  {kind:<7}  {path}" for kind, path in drawn.items() if path]
     return "\n".join(lines)
