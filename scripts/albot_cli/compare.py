@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -15,7 +16,15 @@ from click.core import ParameterSource
 from albot_cli import completion
 from albot_cli.count_type import CountType
 from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options
+from albot_cli.outputs import (
+    FORCE,
+    JSON,
+    FigureFile,
+    check_file,
+    check_folder,
+    check_suffix,
+    figure_options,
+)
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
@@ -23,10 +32,13 @@ from albot_core.errors import InputError
 
 if TYPE_CHECKING:
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
+    from albot_core.geometry.types import Segments
 
 _FILE = PathType()
 _WORLDS = {".yaml", ".yml", ".xml", ".world"}
 """File endings of worlds. A JSON file is a log."""
+_WRITING = {"out", "html", "figure", "dpi", "force", "as_json"}
+"""Options that say what is written and how."""
 
 
 @click.command()
@@ -90,6 +102,12 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world"}
     help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
 )
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
+@click.option(
+    "--html",
+    type=PathType(dir_okay=False),
+    help="Also write a page that plays the maps of the first seed side by side, over one line of "
+    "time: one file that any browser opens.",
+)
 @figure_options("the maps side by side")
 @FORCE
 @JSON
@@ -107,6 +125,7 @@ def command(
     steps: int,
     jobs: int | None,
     out: Path | None,
+    html: Path | None,
     figure: FigureFile | None,
     force: bool,
     as_json: bool,
@@ -120,11 +139,14 @@ def command(
     Ctrl-C stopped the command: then the figures are those of the runs so far.
     """
     from albot_agents.evaluation.plan import parse_seeds
-    from albot_cli.comparison_report import FILES, as_text, rows_of, write_files
+    from albot_cli.comparison_report import FILES, as_text, rows_of, write_files, write_page
     from albot_cli.map_report import left_out, notes_of
 
     if out is not None:
         check_folder(out, FILES, force=force)
+    if html is not None:
+        check_suffix(html, ".html", option="--html")
+        check_file(html, force=force)
     jobs = jobs or os.cpu_count() or 1
     numbers = parse_seeds(seeds)
     asked = None if mappers is None else _choices(mappers)
@@ -140,7 +162,7 @@ def command(
     for note in notes:
         click.echo(f"albot: {sources[0].log.name}: {note}", err=True)
     choices = _fitting(asked, sources)
-    results, stopped = _run(choices, sources, jobs)
+    results, stopped = _run(choices, sources, jobs, tracks=html is not None)
     rows = rows_of(choices, results)
     facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": jobs}
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
@@ -148,6 +170,9 @@ def command(
     facts |= {"rows": rows, "stopped": stopped, "files": {}}
     if out is not None or figure is not None:
         write_files(out, figure, facts, results, sources)
+    if html is not None:
+        walls = seen_walls(source, sources[0].seed) if is_world else None
+        write_page(html, facts, results, sources[0], walls, _command(ctx))
     click.echo(json.dumps(facts) if as_json else as_text(facts))
     if stopped:
         return STOPPED
@@ -166,20 +191,30 @@ def _check_options(
             raise InputError(f"--{name}", "a world, which a robot is to explore", source)
 
 
+def _command(ctx: click.Context) -> str:
+    """Return the command line again, without the options that only say what is written."""
+    words = ["albot", "compare", str(ctx.params["source"])]
+    for option in ctx.command.params:
+        name = option.name or ""
+        if isinstance(option, click.Option) and name not in _WRITING and _given(ctx, name):
+            words += [option.opts[0], *([] if option.is_flag else [str(ctx.params[name])])]
+    return shlex.join(words)
+
+
 def _given(ctx: click.Context, name: str) -> bool:
     """Return whether an option stands on the command line."""
     return ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
 
 
 def _run(
-    choices: list[MapperChoice], sources: list[Source], jobs: int
+    choices: list[MapperChoice], sources: list[Source], jobs: int, *, tracks: bool
 ) -> tuple[list[RunResult], bool]:
     """Return the results of the runs, and whether Ctrl-C stopped them early."""
     from albot_cli.mapper_runs import compare_mappers
 
     results: list[RunResult] = []
     try:
-        with closing(compare_mappers(choices, sources, jobs)) as runs:
+        with closing(compare_mappers(choices, sources, jobs, tracks=tracks)) as runs:
             for result in runs:
                 results.append(result)  # noqa: PERF402 - results are kept if the next is stopped
     except KeyboardInterrupt:
@@ -243,6 +278,14 @@ def _is_world(source: str) -> bool:
     kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
     # A word without an ending that is not a file is a misspelt world name.
     return kind in {*_WORLDS, *PICTURES} or not (path.suffix or path.exists())
+
+
+def seen_walls(world: str, seed: int) -> Segments:
+    """Return the walls of an explored world (world frame)."""
+    from albot_maps import load_world
+    from albot_maps.generators.spec import seeded
+
+    return load_world(seeded(world, seed)).walls
 
 
 def explored_sources(

@@ -9,15 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from albot_cli.map_report import left_out_line
+from albot_cli.map_report import is_stamped, left_out_line
 from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 from albot_cli.outputs import FigureFile, filled_folder
 from albot_core.counts import many
 from albot_core.drawing.figure import save_figure
-from albot_core.evaluation.trajectory import alignment
+from albot_core.evaluation.moments import pair_moments
+from albot_core.evaluation.trajectory import Trajectory, alignment
 from albot_core.export.picture import Panel, layer_points, maps_figure
-from albot_core.files import write_text
-from albot_core.geometry.poses import compose
+from albot_core.files import atomic_write, write_text
+from albot_core.geometry.poses import compose, inverse, transform_segments
+from albot_core.geometry.types import Segments
+from albot_env.rendering.page.comparison_page import comparison_page
 
 FIGURES, TABLE, PICTURE = "comparison.json", "comparison.md", "comparison.png"
 FILES = (FIGURES, TABLE, PICTURE)
@@ -156,6 +159,61 @@ def write_files(
         write_text(scratch / TABLE, as_markdown(facts["rows"]) + "\n")
         if drawn is not None:
             save_figure(drawn, scratch / PICTURE)
+
+
+def write_page(
+    page: Path,
+    facts: dict[str, Any],
+    results: Sequence[RunResult],
+    source: Source,
+    walls: Segments | None,
+    command: str,
+) -> None:
+    """Write the page that plays the maps of the first seed; enter its path into `facts`.
+
+    Maps are drawn in their own frame, which begins where the robot started. The truth is laid into
+    it at the start if the walls are known, otherwise by the best alignment with the first mapper.
+
+    Args:
+        page: The file.
+        facts: The figures of the comparison.
+        results: The runs.
+        source: The log of the first seed.
+        walls: The walls of the world that was explored (world frame); None for a log.
+        command: The command that makes the comparison again.
+    """
+    log, truth = source.log, source.reference
+    drawn = [result for result in results if result.track is not None]
+    errors: dict[str, np.ndarray] = {}
+    poses = None
+    if truth is not None and is_stamped(log, truth):
+        frame = None
+        known = truth.poses[pair_moments(truth.stamps, log.stamps).first]
+        for result in drawn:
+            assert result.track is not None
+            believed = Trajectory(stamps=log.stamps, poses=result.track.poses)
+            aligned = alignment(truth, believed)
+            if aligned is not None:
+                off = (compose(aligned, known) - believed.poses)[:, :2]
+                errors[result.figures["mapper"]] = np.hypot(*off.T)
+                frame = aligned if frame is None else frame
+        frame = inverse(known[0]) if walls is not None else frame
+        if frame is not None:
+            poses = compose(frame, known)
+            walls = None if walls is None else transform_segments(frame, walls)
+    content = comparison_page(
+        f"mappers on {facts['source']}",
+        {"drive": facts["source"], "seed": source.seed, "readings": len(log.readings)},
+        readings=log.readings,
+        tracks=[result.track for result in drawn if result.track is not None],
+        errors=errors,
+        poses=poses,
+        walls=walls if poses is not None else None,
+        command=command,
+    )
+    with atomic_write(page) as stream:
+        stream.write(content)
+    facts["files"]["page"] = str(page)
 
 
 def panels_of(

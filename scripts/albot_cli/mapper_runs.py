@@ -25,10 +25,15 @@ from albot_core.evaluation.trajectory import (
     trajectory_error,
 )
 from albot_core.logs.log import Log
+from albot_core.mappers.mapper import AttractorNetwork, Mapper
 from albot_core.maps.layers import MapSnapshot
+from albot_core.sensing.reading import Reading
+from albot_env.rendering.page.tracks import Track, TrackWriter
 
 _STATUS = Path("/proc/self/status")
 """The file in which Linux reports this process's memory."""
+MAP_VERSIONS = 600
+"""Largest number of versions of a map on a page."""
 _LOADING = 5.0
 """Duration of a run's warm-up (s), in which all compiled code is loaded."""
 KEPT = (
@@ -80,6 +85,8 @@ class MapperRun:
     """The log."""
     compiles: bool = False
     """Whether it only processes the log's beginning, to compile the mapper's code."""
+    tracks: bool = False
+    """Whether all that the mapper believes is taken down for a page."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,6 +99,8 @@ class RunResult:
     """The map at the end."""
     path: Trajectory | None = None
     """The mapper's final estimate of the robot's poses, in the map's frame."""
+    track: Track | None = None
+    """What the mapper believed at each reading; None if it was not taken down."""
 
 
 class MapperRunner(TaskRunner[MapperRun, "RunResult | InputError"]):
@@ -138,7 +147,9 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
     log = source.log
     warm_up(choice.name, choice.config, log, seconds=_LOADING)
     rng = np.random.default_rng(source.seed)
-    mapped = run_mapper(choice.name, choice.config, log, on_step, rng=rng)
+    follower = _Follower(run) if run.tracks else None
+    follow = {} if follower is None else {"follow": follower.follow}
+    mapped = run_mapper(choice.name, choice.config, log, on_step, rng=rng, **follow)
     online = score(mapped.believed, source.reference, source.relations)
     corrected = None
     if mapped.corrected is not None:
@@ -155,7 +166,34 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
         "slowest_reading_ms": 1e3 * mapped.slowest,
         "peak_mib": _peak_mib(),
     }
-    return RunResult(figures=figures, snapshot=mapped.mapper.snapshot(), path=path)
+    return RunResult(
+        figures=figures,
+        snapshot=mapped.mapper.snapshot(),
+        path=path,
+        track=None if follower is None else follower.writer.track(),
+    )
+
+
+class _Follower:
+    """Takes down what a mapper believes as it runs."""
+
+    def __init__(self, run: MapperRun) -> None:
+        stamps = run.source.log.stamps
+        interval = float(stamps[-1] - stamps[0]) / MAP_VERSIONS
+        self.writer = TrackWriter(run.choice.label, np.zeros(3), map_interval=interval)
+        self._version = -1
+
+    def follow(self, reading: Reading, mapper: Mapper) -> None:
+        """Take down the state after a reading."""
+        estimate = mapper.estimate
+        changed, self._version = estimate.map_version != self._version, estimate.map_version
+        self.writer.add(
+            reading.stamp,
+            estimate.pose,
+            estimate.home_from_robot,
+            mapper.snapshot() if changed else None,
+            mapper.activity if isinstance(mapper, AttractorNetwork) else None,
+        )
 
 
 def _unaligned(believed: Trajectory, reference: Trajectory | None) -> float | None:
@@ -188,7 +226,7 @@ def _peak_mib() -> float | None:
 
 
 def compare_mappers(
-    choices: Iterable[MapperChoice], sources: list[Source], jobs: int
+    choices: Iterable[MapperChoice], sources: list[Source], jobs: int, *, tracks: bool = False
 ) -> Generator[RunResult, None, None]:
     """Run each mapper on each log, in parallel; yield each result when it is done.
 
@@ -198,12 +236,17 @@ def compare_mappers(
         choices: The mappers.
         sources: The logs.
         jobs: Number of parallel runs. Figures of speed are most accurate with one.
+        tracks: Whether the runs on the first log also tell what the mappers believed at each time.
 
     Raises:
         InputError: A mapper needs a sensor that a log lacks.
     """
     first = [MapperRun(choice=choice, source=sources[0], compiles=True) for choice in choices]
-    runs = [MapperRun(choice=run.choice, source=source) for source in sources for run in first]
+    runs = [
+        MapperRun(choice=run.choice, source=source, tracks=tracks and source is sources[0])
+        for source in sources
+        for run in first
+    ]
     for what, tasks in (("compiling", first), ("comparing", runs)):
         results = run_parallel(MapperRunner(), tasks, min(jobs, len(tasks)), fresh=True)
         with progress(what, len(tasks), "runs") as tell, closing(results):

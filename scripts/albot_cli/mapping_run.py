@@ -23,6 +23,7 @@ from albot_core.mappers.result_checks import (
     check_snapshot,
     check_state,
 )
+from albot_core.sensing.reading import Reading
 
 _WARM_UP = 2500
 """Scans given to a first mapper so that the timed one finds its code compiled. They are enough for
@@ -70,6 +71,7 @@ def run_mapper(
     log: Log,
     update: Callable[[int], None],
     rng: np.random.Generator | None = None,
+    follow: Callable[[Reading, Mapper], None] = lambda _, __: None,
 ) -> MappingRun:
     """Run a new mapper over the log.
 
@@ -79,6 +81,7 @@ def run_mapper(
         log: The log.
         update: Called from time to time with the number of scans done.
         rng: The mapper's random generator (see `make_mapper`).
+        follow: Called after each reading, outside of the time that is measured.
 
     Raises:
         InputError: What the mapper returns is not as its interface says: an estimate, or at the
@@ -96,6 +99,7 @@ def run_mapper(
         estimate = mapper.estimate
         check_estimate(estimate, spec, number)
         poses[number] = estimate.pose
+        follow(reading, mapper)
         if isinstance(mapper, AttractorNetwork):
             activity = mapper.activity
             check_activity(activity, spec, number)

@@ -84,7 +84,6 @@ class EpisodeTracker:
         self._scans: list[np.ndarray] = []
         self._rows: list[tuple[float, ...]] = []
         self._poses: list[np.ndarray] = []
-        self._beliefs: list[np.ndarray] = []
 
     @property
     def steps(self) -> int:
@@ -102,22 +101,22 @@ class EpisodeTracker:
         self._sums.append(dict(self._terms))
         self._facts.append(dict(moment.facts))
         if moment.reading.laser is not None:
-            self._scans.append(_centimetres(moment.reading.laser))
+            self._scans.append(centimetres(moment.reading.laser))
         room = self._rooms.setdefault(moment.room, len(self._rooms))
         row = stamp, moment.path_length, moment.updates, moment.collided, room
         self._rows.append(row)
         self._poses.append(moment.pose)
-        self._beliefs.append(moment.belief)
 
     def page(self, title: str) -> bytes:
         """Return the page as HTML."""
         header = self._header
-        track, tracked = self._track.track()
+        track = self._track.track()
         poses = np.array(self._poses)
         times, lengths, updates, collided, rooms = np.array(self._rows, np.float64).T
         led = bool((np.hypot(*np.diff(poses[:, :2], axis=0).T) > LONGEST_STEP).any())
         sums = {name: [each.get(name, 0.0) for each in self._sums] for name in self._terms}
-        curves = {"position error (m)": self._errors(poses)}
+        errors = np.hypot(*(track.poses - poses)[:, :2].T)
+        curves = {"position error": errors}
         curves |= {name.replace("_", " "): values for name, values in self._numbers().items()}
         arrays: Arrays = {
             "times": times,
@@ -131,7 +130,7 @@ class EpisodeTracker:
             **{f"term.{k}": np.array(each, np.float32) for k, each in enumerate(sums.values())},
             **{f"curve.{k}": each.astype(np.float32) for k, each in enumerate(curves.values())},
             **{f"things.{name}": each for name, each in self._obstacles.arrays.items()},
-            **{f"track.0.{name}": each for name, each in tracked.items()},
+            **{f"track.0.{name}": each for name, each in track.arrays.items()},
         }
         facts: dict[str, Any] = {
             "title": title,
@@ -152,24 +151,14 @@ class EpisodeTracker:
             "terms": list(sums),
             "curves": list(curves),
             "events": [asdict(event) for event in self._events],
-            "tracks": [track],
+            "tracks": [track.facts],
             "laser": None,
         }
         if self._scans and header.laser is not None:
             arrays["scans"] = np.array(self._scans, np.uint16)
-            bearings = header.laser.bearings.astype(np.float32)
-            arrays["bearings"] = bearings
+            arrays["bearings"] = header.laser.bearings.astype(np.float32)
             facts["laser"] = {"mount": list(header.laser.mount)}
         return document(title, facts, arrays)
-
-    def _errors(self, poses: np.ndarray) -> np.ndarray:
-        """Return the distance between believed and true position at each moment (m)."""
-        x, y, heading = self._header.start
-        beliefs = np.array(self._beliefs)[:, :2]
-        turned = beliefs @ np.array(
-            ((np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading)))
-        )
-        return np.asarray(np.hypot(*(turned + (x, y) - poses[:, :2]).T))
 
     def _numbers(self) -> dict[str, np.ndarray]:
         """Return the facts that are numbers and change, by name."""
@@ -186,7 +175,7 @@ class EpisodeTracker:
         return found
 
 
-def _centimetres(scan: LaserScan) -> np.ndarray:
+def centimetres(scan: LaserScan) -> np.ndarray:
     """Return ranges in whole centimetres; 0 where nothing came back."""
     with np.errstate(invalid="ignore"):
         whole = np.rint(np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / CENTIMETRE)

@@ -59,28 +59,12 @@ class EventFinder:
     def _found(self, before: Moment | None, moment: Moment) -> Iterator[tuple[Kind, str]]:
         place = self._new_place(moment)
         if before is None:
-            change = moment.facts.get("change")
-            if isinstance(change, str) and change not in ("", "none"):
-                yield "end", f"since the way out: {change.replace('_', ' ')}"
+            yield from _change(moment)
             return
-        if moment.updates > before.updates:
-            yield "map", f"map updated ({many(moment.updates, 'reading')} in it)"
         if place is not None:
             yield "place", f"believes to be in {place}"
-        if moment.room != before.room and moment.room:
-            yield "room", f"entered {moment.room}"
-        matched = moment.matched_reading
-        if matched is not None and before.matched_reading is None:
-            yield "place", f"recognised the place of reading {matched}"
-        if moment.collided and not before.collided:
-            yield "contact", "touched something"
-        for name, (kind, text) in COUNTED.items():
-            if _count(moment.facts.get(name)) > _count(before.facts.get(name)):
-                yield kind, text
-        for name, (kind, text) in TERMS.items():
-            # Facts count the claims already, which these terms judge.
-            if moment.terms.get(name) and "right_claims" not in moment.facts:
-                yield kind, text
+        yield from _physical(before, moment)
+        yield from _judged(before, moment)
         yield from _ends(before.facts, moment.facts)
 
     def _new_place(self, moment: Moment) -> str | None:
@@ -93,6 +77,37 @@ class EventFinder:
         label = graph.node(graph.current).label
         changed, self._place = label != self._place, label
         return label if changed else None
+
+
+def _change(moment: Moment) -> Iterator[tuple[Kind, str]]:
+    """Return what has changed in the world since the way out."""
+    change = moment.facts.get("change")
+    if isinstance(change, str) and change not in ("", "none"):
+        yield "end", f"since the way out: {change.replace('_', ' ')}"
+
+
+def _physical(before: Moment, moment: Moment) -> Iterator[tuple[Kind, str]]:
+    """Return what happened to the robot and its map."""
+    if moment.updates > before.updates:
+        yield "map", f"map updated ({many(moment.updates, 'reading')} in it)"
+    if moment.room != before.room and moment.room:
+        yield "room", f"entered {moment.room}"
+    if moment.collided and not before.collided:
+        yield "contact", "touched something"
+
+
+def _judged(before: Moment, moment: Moment) -> Iterator[tuple[Kind, str]]:
+    """Return the places that were recognised, and whether rightly."""
+    matched = moment.matched_reading
+    if matched is not None and before.matched_reading is None:
+        yield "place", f"recognised the place of reading {matched}"
+    for name, (kind, text) in COUNTED.items():
+        if _count(moment.facts.get(name)) > _count(before.facts.get(name)):
+            yield kind, text
+    for name, (kind, text) in TERMS.items():
+        # Facts count the claims already, which these terms judge.
+        if moment.terms.get(name) and "right_claims" not in moment.facts:
+            yield kind, text
 
 
 def _ends(before: Mapping[str, Fact], facts: Mapping[str, Fact]) -> Iterator[tuple[Kind, str]]:

@@ -6,8 +6,6 @@ version and keeps little more than what is new. Coordinates are whole millimetre
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from jaxtyping import Int32, UInt8
 
@@ -62,7 +60,9 @@ class LifetimeTable:
 
     @property
     def arrays(self) -> Arrays:
-        """`rows`; the version at which each appears (`births`, ascending), and that at which it has
+        """Rows, and when they live.
+
+        `rows`; the version at which each appears (`births`, ascending), and that at which it has
         vanished (`deaths`; -1 for never).
         """
         rows = np.frombuffer(b"".join(self._rows), np.int32).reshape(-1, self._width)
@@ -139,7 +139,9 @@ class GridTable:
 
     @property
     def arrays(self) -> Arrays:
-        """The whole grids (`whole`: version, rows, columns; `places`: x, y, heading, cell side;
+        """The grids.
+
+        The whole ones (`whole`: version, rows, columns; `places`: x, y, heading, cell side;
         `cells` one after another) and the changes at each of the `versions`, which end at `ends`:
         the numbers of cells (`changed`) and their `values`.
         """
@@ -152,8 +154,3 @@ class GridTable:
             "changed": np.concatenate([np.empty(0, np.int32), *self._changed]),
             "values": np.concatenate([np.empty(0, np.uint8), *self._values]),
         }
-
-
-def size_of(arrays: Mapping[str, np.ndarray]) -> int:
-    """Return the size of arrays (bytes)."""
-    return sum(array.nbytes for array in arrays.values())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.geometry.poses import compose
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Poses
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_env.rendering.layers import layer_shapes
@@ -37,6 +37,17 @@ class _Channel:
     table: LifetimeTable | FrameTable | GridTable
     names: dict[str, int] = field(default_factory=dict)
     """Labels of marks, and the number by which a row tells each."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """What one mapper believed."""
+
+    facts: dict[str, Any]
+    """What JSON can hold."""
+    arrays: Arrays
+    poses: Poses
+    """Believed pose at each moment, in the frame in which all is drawn."""
 
 
 class TrackWriter:
@@ -133,8 +144,8 @@ class TrackWriter:
         self._active_steps.append(step)
         self._packets.append(activity.packet)
 
-    def track(self) -> tuple[dict[str, Any], Arrays]:
-        """Return the track: what JSON can hold, and the arrays."""
+    def track(self) -> Track:
+        """Return all that was taken down."""
         beliefs = np.reshape(self._beliefs, (-1, 3)).astype(np.float64)
         believed = compose(self._start, beliefs)
         arrays = {
@@ -142,19 +153,19 @@ class TrackWriter:
             "homes": pose_numbers(compose(believed, np.reshape(self._homes, (-1, 3)))),
             "map_steps": np.array(self._steps, np.int32),
         }
-        channels = []
+        channels: list[dict[str, Any]] = []
         for number, channel in enumerate(self._channels.values()):
             arrays |= {f"{number}.{name}": each for name, each in channel.table.arrays.items()}
-            facts = {"kind": channel.kind, "style": channel.style, "label": channel.label}
-            channels.append({**facts, "names": list(channel.names)})
-        facts = {"mapper": self._mapper, "channels": channels, "activity": None}
+            drawn = {"kind": channel.kind, "style": channel.style, "label": channel.label}
+            channels.append({**drawn, "names": list(channel.names)})
+        facts: dict[str, Any] = {"mapper": self._mapper, "channels": channels, "activity": None}
         if self._plane is not None:
             rows, columns = self._plane.values.shape
             facts["activity"] = {"rows": rows, "columns": columns, "cell": self._plane.cell}
             arrays |= {f"activity.{name}": each for name, each in self._cells.arrays.items()}
             arrays["activity.steps"] = np.array(self._active_steps, np.int32)
             arrays["activity.packets"] = pose_numbers(np.reshape(self._packets, (-1, 3)))
-        return facts, arrays
+        return Track(facts=facts, arrays=arrays, poses=believed)
 
 
 def _table(kind: str) -> LifetimeTable | FrameTable | GridTable:

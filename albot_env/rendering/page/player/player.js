@@ -143,7 +143,7 @@ class Player {
     on("slower", () => this.faster(0.5));
     on("faster", () => this.faster(2));
     on("follow", () => this.toggleFollow());
-    on("fit", () => this.fit());
+    on("fit", () => this.fitAll());
     on("theme", () => this.theme());
     on("help", () => this.help());
     on("close", () => this.help());
@@ -169,7 +169,7 @@ class Player {
       e: () => this.goToEvent(true),
       E: () => this.goToEvent(false),
       f: () => this.toggleFollow(),
-      0: () => this.fit(),
+      0: () => this.fitAll(),
       d: () => this.theme(),
       "?": () => this.help(),
       h: () => this.help(),
@@ -231,12 +231,20 @@ class Player {
     this.redraw();
   }
 
-  fit() {
-    this.follow = false;
-    const shown = this.panels.map((panel) => panel.canvas).filter((canvas) => canvas.clientWidth);
-    const { clientWidth, clientHeight } = shown[0];
-    this.camera.fit(clientWidth, clientHeight);
+  /** Show all in the smallest of the panels that share a camera. */
+  fit(camera = this.camera) {
+    this.follow &&= camera !== this.camera;
+    const sizes = this.panels.filter((panel) => panel.camera === camera)
+      .map(({ canvas }) => [canvas.clientWidth, canvas.clientHeight])
+      .filter(([width, height]) => width && height);
+    if (!sizes.length) return;
+    camera.fit(Math.min(...sizes.map(([width]) => width)),
+      Math.min(...sizes.map(([, height]) => height)));
     this.redraw();
+  }
+
+  fitAll() {
+    for (const camera of new Set(this.panels.map((panel) => panel.camera))) this.fit(camera);
   }
 
   theme(name = document.documentElement.dataset.theme === "dark" ? "light" : "dark") {

@@ -51,7 +51,7 @@ class Panel {
     const { clientWidth, clientHeight } = this.canvas;
     this.canvas.width = Math.max(1, Math.round(clientWidth * ratio));
     this.canvas.height = Math.max(1, Math.round(clientHeight * ratio));
-    if (this.camera.fitted) this.camera.fit(clientWidth, clientHeight);
+    if (this.camera.fitted) this.player.fit(this.camera);
     this.player.redraw();
   }
 
@@ -84,7 +84,7 @@ class Panel {
       canvas.addEventListener(name, () => { held = null; });
     }
     canvas.addEventListener("pointerleave", () => { this.note.hidden = true; });
-    canvas.addEventListener("dblclick", () => player.fit());
+    canvas.addEventListener("dblclick", () => player.fit(camera));
   }
 
   /** Show what is under the pointer. */
@@ -465,7 +465,6 @@ class ActivityPanel extends Panel {
     this.activity = track.activity;
     const { rows, columns, cell } = this.activity;
     this.camera.bounds = [-500, -500, 1000 * columns * cell + 500, 1000 * rows * cell + 500];
-    this.root.classList.add("narrow");
     this.entry("activity", "activity");
     this.entry("packet's path", "believed");
   }
