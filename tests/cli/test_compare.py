@@ -20,7 +20,9 @@ from albot_core.export.tum import write_tum
 from albot_core.logs.reader import read_log
 from albot_core.mappers.registry import MAPPERS, installed_mappers, mapper_spec
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
+from albot_maps import load_world
 from tests.cli.conftest import expect_error, figures
+from tests.env.rendering.page.test_document import read
 
 KEYS = {
     "mapper",
@@ -70,6 +72,37 @@ def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| odometry", "| albot1"]
     with Image.open(out / "comparison.png") as picture:
         assert picture.width > 1.2 * picture.height
+
+
+def test_the_page_plays_all_maps_beside_the_truth(corridor, truth_file, tmp_path, call, in_process):
+    words = ("--mappers", "odometry,albot1", "--reference", truth_file, "--json")
+    found = figures(call("compare", corridor[0], *words, "--html", tmp_path / "a.html"))
+    assert found["files"] == {"page": str(tmp_path / "a.html")}
+    facts, arrays = read((tmp_path / "a.html").read_bytes())
+    assert [track["mapper"] for track in facts["tracks"]] == ["odometry", "albot1"]
+    assert len(arrays["times"]) == len(arrays["poses"]) == len(arrays["scans"]) == found["readings"]
+    for number, row in enumerate(found["rows"]):
+        assert facts["curves"][number] == f"position error of {row['mapper']}"
+        errors = arrays[f"curve.{number}"]
+        assert np.sqrt((errors**2).mean()) == pytest.approx(row["ate_rmse_m"], rel=1e-4)
+        surfaces = arrays[f"track.{number}.0.deaths"]
+        assert (surfaces < 0).sum() == row["surfaces"]
+    assert facts["command"].startswith(f"albot compare {corridor[0]} --mappers odometry,albot1")
+    assert "--html" not in facts["command"]
+
+
+def test_the_page_of_a_world_shows_its_walls(call, in_process, monkeypatch, tmp_path):
+    def explore_here(runner, tasks, jobs):
+        yield from (runner.run(task, lambda _: None) for task in tasks)
+
+    monkeypatch.setattr("albot_cli.explored_logs.run_parallel", explore_here)
+    words = ("--mappers", "odometry", "--steps", 30, "--sonar", "none", "--json")
+    figures(call("compare", "square-loop", *words, "--html", tmp_path / "a.html"))
+    _, arrays = read((tmp_path / "a.html").read_bytes())
+    assert arrays["poses"][0].tolist() == [0, 0, 0]  # Home, where all maps begin.
+    lengths = np.hypot(*(arrays["walls"][:, 2:] - arrays["walls"][:, :2]).T) / 1000
+    walls = load_world("square-loop").walls
+    assert lengths == pytest.approx(np.hypot(*(walls[:, 2:] - walls[:, :2]).T), abs=0.002)
 
 
 def test_by_default_all_that_see_by_the_sensors(corridor, call, in_process):

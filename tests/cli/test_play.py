@@ -80,6 +80,17 @@ def test_an_episode_is_played_written_and_summed_up(play: Play, tmp_path: Path) 
     assert moments[-1].updates == summary["updates"]
 
 
+def test_a_page_is_written_beside_the_episode_and_again_from_it(play: Play, tmp_path: Path) -> None:
+    done = play(*SHORT, "--html", "a.html", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["files"]["page"] == "a.html"
+    page = (tmp_path / "a.html").read_text()
+    assert page.startswith("<!doctype html>")
+    again = play("episode.mcap", "--headless", "--html", "b.html")
+    assert "page     b.html" in again.stdout
+    assert (tmp_path / "b.html").read_text() == page
+
+
 def test_no_earlier_episode_is_overwritten(play: Play, tmp_path: Path) -> None:
     for number in ("", "-1", "-2"):
         (tmp_path / "episode-1.png").touch()  # One of somebody else's is enough.
@@ -173,6 +184,8 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         ((*SHORT, "--png", "taken/a.png"), "taken"),
         ((*SHORT, "--png", "./episode.mcap"), "a file other than the episode"),
         ((*SHORT, "--png", "a.jpg"), "a name that ends in .png"),
+        ((*SHORT, "--html", "a.htm"), "a name that ends in .html"),
+        ((*SHORT, "--html", "taken/a.html"), "taken"),
         (
             (*SHORT, "--record", "a.txt"),
             "a name that ends in .mcap, found a.txt",

@@ -48,6 +48,7 @@ class Chart {
       ],
     }, [player.episode.times, ...curves.map(({ values }) => values)], this.holder);
     this.plot.over.append(this.line);
+    this.holder.querySelector("canvas").setAttribute("aria-hidden", "true");
     this.plot.over.addEventListener("click", (event) => {
       // After a drag uPlot has zoomed; a plain click seeks.
       if (this.plot.select.width < 2) {
