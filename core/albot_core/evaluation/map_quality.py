@@ -29,6 +29,8 @@ LASER_NOISE = 0.01
 """Standard deviation of the laser's noise (m); sharper walls do not lower the entropy."""
 MIN_NEIGHBOURS = 5
 """Least number of neighbours of a point that counts for the entropy."""
+_BLOCK = 256
+"""Number of neighbourhoods measured at once; bounds the memory where all points are neighbours."""
 _ROUNDING = 1e-6
 """Tolerance when lengths are divided into pieces, as a share of the spacing."""
 
@@ -178,14 +180,33 @@ def mean_map_entropy(points: _Cloud, radius: float = 0.3, samples: int = 4_000) 
         return None
     tree = KDTree(points)
     chosen = points[:: max(1, -(-len(points) // samples))]
-    entropies = []
-    for neighbours in tree.query_ball_point(chosen, radius):
-        if len(neighbours) < MIN_NEIGHBOURS:
-            continue
-        covariance = np.cov(points[neighbours].T) + LASER_NOISE**2 * np.eye(2)
-        (a, b), (_, d) = covariance
-        entropies.append(0.5 * np.log((2 * np.pi * np.e) ** 2 * (a * d - b * b)))
-    return float(np.mean(entropies)) if entropies else None
+    entropies = np.concatenate(
+        [
+            _neighbourhood_entropies(points, tree, chosen[start : start + _BLOCK], radius)
+            for start in range(0, len(chosen), _BLOCK)
+        ]
+    )
+    return float(entropies.mean()) if len(entropies) else None
+
+
+def _neighbourhood_entropies(
+    points: _Cloud, tree: KDTree, centres: Float64[np.ndarray, "centres 2"], radius: float
+) -> Float64[np.ndarray, "measured"]:
+    """Return the entropy (nats) of each centre's neighbourhood, of those with enough neighbours."""
+    pairs = KDTree(centres).sparse_distance_matrix(tree, radius, output_type="ndarray")
+    centre = pairs["i"]
+    # Offsets from the centre are small, so the sums of their squares lose no digits.
+    x, y = (points[pairs["j"]] - centres[centre]).T
+    counts = np.bincount(centre, minlength=len(centres))
+    enough = counts >= MIN_NEIGHBOURS
+    n = counts[enough]
+    sum_x, sum_y, sum_xx, sum_xy, sum_yy = (
+        np.bincount(centre, terms, len(centres))[enough] for terms in (x, y, x * x, x * y, y * y)
+    )
+    a = (sum_xx - sum_x * sum_x / n) / (n - 1) + LASER_NOISE**2
+    b = (sum_xy - sum_x * sum_y / n) / (n - 1)
+    d = (sum_yy - sum_y * sum_y / n) / (n - 1) + LASER_NOISE**2
+    return np.asarray(0.5 * np.log((2 * np.pi * np.e) ** 2 * (a * d - b * b)))
 
 
 def register(points: _Cloud, walls: Float64[np.ndarray, "walls 2"]) -> Pose:

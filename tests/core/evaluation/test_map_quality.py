@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import (
     LASER_NOISE,
+    MIN_NEIGHBOURS,
     cloud_error,
     mean_map_entropy,
     precision_and_recall,
@@ -141,6 +142,18 @@ def test_smeared_and_doubled_walls_are_less_crisp() -> None:
     assert doubled is not None
     assert smeared > once + 0.5
     assert doubled > once + 1.0
+
+
+def test_a_neighbourhoods_covariance_is_numpys() -> None:
+    cloud = np.round(np.random.default_rng(2).uniform(0, 4, (900, 2)), 2)  # Some lie twice.
+    entropies = []
+    for centre in cloud[::2]:
+        near = cloud[np.hypot(*(cloud - centre).T) <= 0.2]
+        if len(near) >= MIN_NEIGHBOURS:
+            covariance = np.cov(near.T) + LASER_NOISE**2 * np.eye(2)
+            entropies.append(0.5 * np.log(np.linalg.det(2 * np.pi * np.e * covariance)))
+    assert 256 < len(entropies) < 450  # Some are too lonely.
+    assert mean_map_entropy(cloud, 0.2, samples=450) == pytest.approx(np.mean(entropies), abs=1e-9)
 
 
 @settings(deadline=None, max_examples=20)
