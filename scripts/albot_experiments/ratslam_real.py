@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from albot_core.evaluation.map_quality import register, scan_cloud
+from albot_core.evaluation.map_quality import scan_cloud
+from albot_core.evaluation.registration import register
 from albot_core.evaluation.trajectory import Trajectory, alignment, trajectory_error
 from albot_core.geometry.poses import compose, relative, transform_points
 from albot_core.geometry.types import Pose, Poses

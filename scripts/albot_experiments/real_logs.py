@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.evaluation.map_quality import register, sample_segments, scan_cloud
+from albot_core.evaluation.map_quality import sample_segments, scan_cloud
 from albot_core.evaluation.moments import pair_moments
+from albot_core.evaluation.registration import register
 from albot_core.evaluation.trajectory import (
     Relations,
     Trajectory,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float64
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from albot_core.errors import InputError
 
@@ -52,7 +52,7 @@ def wilson_clusters(
     residuals = np.bincount(of, successes - share)
     variance = count / (count - 1) * float((residuals**2).sum()) / trials**2
     effect = variance * trials / (share * (1 - share))
-    effect *= float(t.ppf(0.975, count - 1) / norm.ppf(0.975)) ** 2
+    effect *= float(stdtrit(count - 1, 0.975) / ndtri(0.975)) ** 2
     return _score_interval(share, trials / max(1.0, effect))
 
 
@@ -157,7 +157,7 @@ def bootstrap_cluster_ratios(
 
 def _score_interval(share: float, trials: float) -> tuple[float, float]:
     """Return Wilson's 95 % interval of a share of trials, whose number need not be whole."""
-    square = float(norm.ppf(0.975)) ** 2 / trials
+    square = float(ndtri(0.975)) ** 2 / trials
     middle = (share + square / 2) / (1 + square)
     half = np.sqrt(square * (share * (1 - share) + square / 4)) / (1 + square)
     # The ends are exact where rounding would miss them.
