@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from albot_agents.agent import EnvironmentConfigs
-from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
 from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.sensing.reading import LaserScan
@@ -67,6 +66,9 @@ class MapFigures:
         """Return the figures, given the last observation and info."""
         found = {"home_error_begin": self._begin, "home_error": self._home_error(observation, info)}
         if self._maps:
+            # slow to load
+            from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
+
             for name, poses in (("map", self._believed), ("true_map", self._true)):
                 cloud = scan_cloud(self._scans, np.array(poses), POINTS)
                 found[f"{name}_entropy"] = mean_map_entropy(cloud, samples=SAMPLES)
