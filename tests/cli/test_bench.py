@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_benchmarks import environment, laser, learner, ratslam, slam
+from albot_benchmarks import environment, laser, learner, mapper, ratslam, slam
 from albot_benchmarks import environment as processes
 from albot_benchmarks.albot0 import measure_splitting
 from albot_benchmarks.environment import Case
@@ -30,9 +31,12 @@ from albot_core.mappers.registry import make_mapper
 from albot_maps import load_world
 
 
-@pytest.fixture(autouse=True)
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, scope="module")
+def hurried() -> Iterator[None]:
     """Spend little time on each case: what is measured is not what is tested."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(mapper, "_BATCH", 8)
+    patch.setattr(ratslam, "_BATCH", 4)
     tiny = Case(mapper="none", num_envs=2, steps=4)
     for module, name, arguments in (
         (laser, "measure_laser", {"seconds_per_case": 0.05}),
@@ -43,7 +47,15 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
         rounds = "rollouts" if module is learner else "rounds"
         if module is not laser:
             arguments |= {rounds: 1}
-        monkeypatch.setattr(module, name, partial(getattr(module, name), **arguments))
+        patch.setattr(module, name, partial(getattr(module, name), **arguments))
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def laser_alone(hurried: None) -> dict[str, object]:
+    """The figures of the laser's part, for those that look at another part's text."""
+    return bench("--part", "laser")
 
 
 def bench(*args: str) -> dict[str, object]:
@@ -52,15 +64,15 @@ def bench(*args: str) -> dict[str, object]:
     return figures
 
 
-def test_all_keys_stand_whatever_is_measured() -> None:
-    figures = bench("--part", "laser")
+def test_all_keys_stand_whatever_is_measured(laser_alone: dict[str, object]) -> None:
+    figures: Any = laser_alone
     assert {"machine", "laser", "mapper", "env", "generator", "learner"} <= figures.keys()
     assert figures["mapper"] == []
     rows = figures["laser"]
     assert isinstance(rows, list)
     assert [round(row["segments"], -1) for row in rows] == [60, 200, 1000]
     assert {"segments", "us_per_scan", "ratio_to_pymunk"} <= rows[0].keys()
-    assert {"processor", "cores", "python", "libraries"} <= figures["machine"].keys()  # type: ignore[attr-defined]
+    assert {"processor", "cores", "python", "libraries"} <= figures["machine"].keys()
 
 
 def test_the_text_has_a_line_a_row() -> None:
@@ -100,7 +112,7 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
 
 def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        ratslam, "measure_ratslam", partial(measure_ratslam, minutes=1, rounds=1, steps=64)
+        ratslam, "measure_ratslam", partial(measure_ratslam, minutes=1, rounds=1, steps=4)
     )
     figures: Any = bench("--part", "ratslam")
     *floors, scenes, laser, correction = figures["ratslam"]
@@ -114,20 +126,20 @@ def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None
     assert "readings/s  ratslam-scenes" in lines[0]
     assert "readings/s  ratslam-paper" in lines[1]
     assert "readings/s  ratslam:" in lines[2]
-    assert "robot steps/s of a processor  ratslam-scenes: 64 environments" in lines[3]
-    assert "robot steps/s of a processor  ratslam: 64 environments" in lines[4]
+    assert "robot steps/s of a processor  ratslam-scenes: 4 environments" in lines[3]
+    assert "robot steps/s of a processor  ratslam: 4 environments" in lines[4]
     assert "passes/s of 12,881 experiences, 14,485 transitions" in lines[5]
 
 
-def test_a_missing_learner_is_a_line() -> None:
-    figures = bench("--part", "laser") | {"learner": {"missing": "torch: pip install it"}}
+def test_a_missing_learner_is_a_line(laser_alone: dict[str, object]) -> None:
+    figures = laser_alone | {"learner": {"missing": "torch: pip install it"}}
     assert as_text(figures).splitlines()[-1] == (
         "learner     not measured, missing: torch: pip install it"
     )
 
 
 def test_mappers_are_timed_on_any_readings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("albot_benchmarks.mapper.BATCHED_FROM", 0.0)  # However slow it is here.
+    monkeypatch.setattr(mapper, "BATCHED_FROM", 0.0)  # However slow it is here.
     readings = tour_readings()[:30]
     rows = measure_mappers(("albot1", "odometry"), readings, rounds=1)
     assert [row["name"] for row in rows] == ["albot1", "odometry"]
@@ -135,26 +147,26 @@ def test_mappers_are_timed_on_any_readings(monkeypatch: pytest.MonkeyPatch) -> N
         assert all(row[key] > 0 for row in rows)  # type: ignore[operator]
 
 
-def test_a_long_journey_is_split_fast() -> None:
+def test_a_long_journey_is_split_fast(laser_alone: dict[str, object]) -> None:
     (row,) = measure_splitting(rounds=3)
     assert row["paths"] == 500
     assert row["regions"] > 1  # type: ignore[operator]
     assert 0 < row["split_ms"] < 50  # type: ignore[operator]
-    figures = {**bench("--part", "laser"), "mapper": [row]}
+    figures = {**laser_alone, "mapper": [row]}
     assert "ms to split into" in as_text(figures)
 
 
-def test_a_mappers_line_tells_what_a_batch_does() -> None:
+def test_a_mappers_line_tells_what_a_batch_does(laser_alone: dict[str, object]) -> None:
     row = {"name": "odometry", "surfaces": 7, "readings_per_second": 1500.0}
     batch = {"batch": 4, "batch_readings_per_second": 2e6, "row_readings_per_second": 3e4}
-    figures = {**bench("--part", "laser"), "mapper": [row | batch, row]}
+    figures = {**laser_alone, "mapper": [row | batch, row]}
     lines = [line for line in as_text(figures).splitlines() if line.startswith("mapper")]
     alone = "mapper            7 surfaces     1,500 readings/s  odometry"
     assert lines[0] == f"{alone}; 4 at once 2,000,000 in total, 30,000 when each is updated alone"
     assert lines[1] == alone
 
 
-def test_systems_of_metric_slam_are_timed_beside_the_yardstick(monkeypatch) -> None:
+def test_systems_of_metric_slam_are_timed_beside_the_yardstick(monkeypatch, laser_alone) -> None:
     names = {"scan-matching", "gmapping"}
     monkeypatch.setattr(slam, "installed_mappers", lambda: names)
     rows = slam.measure_slam(tour_readings()[:5], rounds=1)
@@ -166,18 +178,18 @@ def test_systems_of_metric_slam_are_timed_beside_the_yardstick(monkeypatch) -> N
     rows = slam.measure_slam(tour_readings()[:5], rounds=1)
     assert rows[1]["ratio_to_karto"] == 1.0
     assert rows[0]["ratio_to_karto"] > 1.0
-    lines = as_text({**bench("--part", "laser"), "slam": rows}).splitlines()
+    lines = as_text({**laser_alone, "slam": rows}).splitlines()
     assert lines[-1].startswith("slam ")
     assert lines[-1].endswith("1.00 times karto)  gmapping")
 
 
-def test_what_a_loop_over_mappers_costs_is_told() -> None:
+def test_what_a_loop_over_mappers_costs_is_told(laser_alone: dict[str, object]) -> None:
     readings = tour_readings()[:10]
     (row,) = measure_looping(("albot1", "association"), readings, rounds=1)
     assert row["name"] == "association"  # albot1 has a batch of its own.
     assert row["ratio"] == pytest.approx(1 + row["above_us"] / row["own_us"])  # type: ignore[operator]
     row = {"name": "x", "robots": 256, "own_us": 20.0, "above_us": 12.34, "ratio": 1.617}
-    lines = as_text({**bench("--part", "laser"), "mapper": [row]}).splitlines()
+    lines = as_text({**laser_alone, "mapper": [row]}).splitlines()
     line = "256 in a loop     12.3 µs/reading above the 20.0 of its own update (1.62 times)  x"
     assert f"mapper          {line}" in lines
 
@@ -190,14 +202,14 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     # The copies lie apart: no two share a wall.
     assert len(np.unique(walls, axis=0)) == len(walls)
     readings = tour_readings()
-    mapper = make_mapper("albot1")
-    mapper.update(readings[0])
-    few = len(mapper.snapshot().segments)
-    mapper.restore(with_surfaces(mapper.state(), walls))
-    assert len(mapper.snapshot().segments) == few + 1500
+    mapping = make_mapper("albot1")
+    mapping.update(readings[0])
+    few = len(mapping.snapshot().segments)
+    mapping.restore(with_surfaces(mapping.state(), walls))
+    assert len(mapping.snapshot().segments) == few + 1500
     for reading in readings[1:6]:
-        mapper.update(reading)
-    assert np.isfinite(mapper.estimate.pose).all()
+        mapping.update(reading)
+    assert np.isfinite(mapping.estimate.pose).all()
 
 
 @pytest.mark.parametrize(
