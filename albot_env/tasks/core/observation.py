@@ -235,8 +235,7 @@ class ObservationConfig:
     @property
     def flat_space(self) -> spaces.Box:
         """The space of flat observations."""
-        length = sum(int(np.prod(shape)) for shape in self.shapes.values())
-        return spaces.Box(-1, 1, (length,), np.float32)
+        return spaces.Box(-1, 1, (self._length,), np.float32)
 
     @cached_property
     def scales(self) -> Scales:
@@ -271,8 +270,8 @@ class ObservationConfig:
         Raises:
             InputError: The observation has another length.
         """
-        rows = self.split_rows(flat[np.newaxis])
-        return {name: part[0] for name, part in rows.items()}
+        self._check_length(flat)
+        return {name: flat[which].reshape(shape) for name, (which, shape) in self._slice_of.items()}
 
     def split_rows(self, rows: Float[np.ndarray, "observations length"]) -> Parts:
         """Return the parts of many flat observations, each part stacked in one array.
@@ -280,13 +279,10 @@ class ObservationConfig:
         Raises:
             InputError: The observations have another length.
         """
-        sizes = [math.prod(shape) for shape in self.shapes.values()]
-        if rows.shape[1] != sum(sizes):
-            raise InputError("observation", f"shape ({sum(sizes)},)", str(rows.shape[1:]))
-        pieces = np.split(rows, np.cumsum(sizes)[:-1], axis=1)
+        self._check_length(rows)
         return {
-            name: piece.reshape(len(rows), *shape)
-            for (name, shape), piece in zip(self.shapes.items(), pieces, strict=True)
+            name: rows[:, which].reshape(len(rows), *shape)
+            for name, (which, shape) in self._slice_of.items()
         }
 
     def decode(self, part: ObservationPart[Decoded], observation: Any) -> Decoded:
@@ -299,8 +295,30 @@ class ObservationConfig:
         Raises:
             InputError: A flat observation has another length.
         """
-        parts = observation if isinstance(observation, dict) else self.split(observation)
-        return part.decode(parts[part.name], self.scales)
+        if isinstance(observation, dict):
+            return part.decode(observation[part.name], self.scales)
+        self._check_length(observation)
+        which, shape = self._slice_of[part.name]
+        return part.decode(observation[which].reshape(shape), self.scales)
+
+    @cached_property
+    def _slice_of(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
+        """The position of each observed part in the flat observation, and its shape."""
+        ends = np.cumsum([math.prod(shape) for shape in self.shapes.values()]).tolist()
+        begins = [0, *ends[:-1]]
+        return {
+            name: (slice(begin, end), shape)
+            for (name, shape), begin, end in zip(self.shapes.items(), begins, ends, strict=True)
+        }
+
+    @cached_property
+    def _length(self) -> int:
+        """The length of a flat observation."""
+        return sum(math.prod(shape) for shape in self.shapes.values())
+
+    def _check_length(self, flat: Float[np.ndarray, "*observations length"]) -> None:
+        if flat.shape[-1] != self._length:
+            raise InputError("observation", f"shape ({self._length},)", str(flat.shape[-1:]))
 
 
 def chosen_observations(config: Any, mapper: MapperSpec | None, *others: str) -> ObservationConfig:
