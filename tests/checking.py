@@ -26,6 +26,8 @@ DIMENSIONS = jaxtyping.jaxtyped("context")
 """Within it a dimension that bears a name has one length."""
 ARRAY = type(jaxtyping.Float[np.ndarray, ""])
 """What all hints of arrays are instances of."""
+_PLAIN: set[type] = set()
+"""The types met so far that are themselves all that hints look at."""
 _KEPT = 1000
 """As many kinds of calls are remembered of a function."""
 
@@ -64,7 +66,7 @@ def _checked(fn: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(fn)
     def call_once_a_kind(*args: Any, **kwargs: Any) -> Any:
-        kind: Any = tuple([_kind(each) for each in args])
+        kind: Any = tuple(map(_kind, args))
         if kwargs:
             kind = kind, tuple([(name, _kind(each)) for name, each in kwargs.items()])
         results = passed.get(kind)
@@ -90,13 +92,18 @@ def _checked(fn: Callable[..., Any]) -> Callable[..., Any]:
 def _kind(value: Any) -> Any:
     """All of a value that hints look at that are told by kind."""
     of = type(value)
+    if of in _PLAIN:
+        return of
     if of is np.ndarray:
         return value.dtype, value.shape
     if of is tuple:
-        return tuple([_kind(each) for each in value])
+        return tuple(map(_kind, value))
     if issubclass(of, tuple):
         return (of, *map(_kind, value))
-    return (of, value.dtype, value.shape) if issubclass(of, np.ndarray) else of
+    if issubclass(of, np.ndarray):
+        return of, value.dtype, value.shape
+    _PLAIN.add(of)
+    return of
 
 
 def is_told_by_kind(hint: Any) -> bool:
