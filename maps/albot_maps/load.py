@@ -8,14 +8,15 @@ from __future__ import annotations
 import re
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from weakref import WeakValueDictionary
 
 from albot_core.errors import InputError, MissingFileError, did_you_mean
 from albot_core.files import exists
-from albot_core.yaml_document import read_yaml
-from albot_maps.formats.world_file import parse_world, world_from_document
+from albot_core.yaml_document import YamlDocument, read_yaml
+from albot_maps.formats.world_file import check_schema, world_from_document
 from albot_maps.generators.spec import PREFIX, parse_spec
 from albot_maps.world import ROBOT_RADIUS, World
 
@@ -62,8 +63,8 @@ def load_world(spec: str | Path, robot_radius: float = ROBOT_RADIUS) -> World:
         return world
     names = catalogue_names()
     if spec in names:
-        text = (_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8")
-        return parse_world(text, source=spec, robot_radius=robot_radius)
+        document = _catalogue_document(spec)
+        return world_from_document(document, source=spec, robot_radius=robot_radius)
     path = Path(spec)
     if spec and (exists(path) or path.suffix or path.parent != Path()):
         return read_world(path, robot_radius)
@@ -72,6 +73,14 @@ def load_world(spec: str | Path, robot_radius: float = ROBOT_RADIUS) -> World:
         f"a file, {PREFIX}KIND:SEED or one of {', '.join(names)}",
         f"{spec or 'nothing'}{did_you_mean(spec, names)}",
     )
+
+
+@cache
+def _catalogue_document(name: str) -> YamlDocument:
+    """Return a catalogue world's document. It is read once: that takes longest, and it stays."""
+    document = YamlDocument((_CATALOGUE / f"{name}.yaml").read_text(encoding="utf-8"), name)
+    check_schema(document, name)
+    return document
 
 
 def read_world(path: Path, robot_radius: float = ROBOT_RADIUS) -> World:
@@ -117,6 +126,7 @@ def _read_yaml_world(path: Path, robot_radius: float) -> World:
         from albot_maps.formats.ros_grid import read_ros_grid
 
         return read_ros_grid(document, path, robot_radius)
+    check_schema(document, str(path))
     return world_from_document(document, source=str(path), robot_radius=robot_radius)
 
 

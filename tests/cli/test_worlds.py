@@ -74,9 +74,8 @@ def test_show_draws_a_floor_plan(albot, flags):
     status, out, err = albot("show", "office-ring", "--png", "ring.png", *flags)
     assert (status, err) == (0, "")
     with Image.open("ring.png") as picture:
-        pixels = np.asarray(picture.convert("RGB"))
-    assert min(pixels.shape[:2]) > 1000
-    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 20
+        assert min(picture.size) > 1000
+        assert len(picture.convert("RGB").getcolors(picture.width * picture.height)) > 20
     assert "P5" in out
     if flags:
         assert json.loads(out)["png"] == "ring.png"

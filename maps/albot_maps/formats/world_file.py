@@ -58,14 +58,17 @@ def parse_world(text: str, *, source: str, robot_radius: float = ROBOT_RADIUS) -
         InputError: The text is not such a file, or its world is invalid; the place is the line.
     """
     document = YamlDocument(text, source)
+    check_schema(document, source)
     return world_from_document(document, source=source, robot_radius=robot_radius)
 
 
 def world_from_document(
     document: YamlDocument, *, source: str, robot_radius: float = ROBOT_RADIUS
 ) -> World:
-    """Return the world in the document of an `albot-world` file; raises as `parse_world` does."""
-    _check_schema(document, source)
+    """Return the world in the document of an `albot-world` file; raises as `parse_world` does.
+
+    The document follows the schema (`check_schema`), and does not change.
+    """
     data = document.data
     walls = _Walls(document, source)
     starts = [_start(start) for start in data["starts"]]
@@ -129,7 +132,7 @@ def world_text(world: World) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _check_schema(document: YamlDocument, source: str) -> None:
+def check_schema(document: YamlDocument, source: str) -> None:
     """Check a document against the schema of `albot-world` files.
 
     Raises:
