@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pymunk
 
-from albot_core.kernels.arguments import KernelArguments
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.robot import CONTROL_STEP
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk import ChipmunkBuffers, RobotArrays, SpaceTables, advance
@@ -60,6 +60,10 @@ class Scene:
             poses=np.zeros((1, 3)),
             touched=np.zeros((1, 2), np.bool_),
             body_ids=np.zeros(1, np.int64),
+        )
+        errors = ODOMETERS["ideal"].constants(PIONEER_3DX.wheel_base)
+        self._cache = ArgumentsCache(
+            lambda chipmunk, tables: (chipmunk, tables, self.robots, errors, PIONEER_3DX.wheel_base)
         )
         self.begin(key, pose)
 
@@ -119,12 +123,10 @@ class Scene:
         chipmunk = self.buffers.interface
         here = np.array([0])
         self.robots.targets[0] = PIONEER_3DX.wheels_for(speed, turn_rate)
-        errors = ODOMETERS["ideal"].constants(PIONEER_3DX.wheel_base)
-        base, acceleration = PIONEER_3DX.wheel_base, PIONEER_3DX.acceleration
-        arguments = KernelArguments((chipmunk, self.tables, self.robots, errors, base))
+        arguments = self._cache.arguments(chipmunk, self.tables)
         for _ in range(number):
             self.obstacles.command(here, chipmunk, self.robots.states, CONTROL_STEP)
-            advance(here, arguments, acceleration, PHYSICS_STEP, SUBSTEPS)
+            advance(here, arguments, PIONEER_3DX.acceleration, PHYSICS_STEP, SUBSTEPS)
             self.obstacles.observe(here, chipmunk)
 
     def body(self, index: int) -> pymunk.Body:
