@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from albot_cli import mapper_runs
 from albot_cli.comparison_report import FILES, as_markdown, panels_of, rows_of
 from albot_cli.mapper_runs import MapperChoice, MapperRun, RunResult, Source, no_figures
 from albot_core.errors import InputError
@@ -36,18 +35,6 @@ KEYS = {
     "peak_mib",
 }
 """What other programs read of a row."""
-
-
-@pytest.fixture
-def in_process(monkeypatch):
-    """Runs happen in this process: sooner, and with what was changed for the test."""
-
-    def run_here(runner, tasks, jobs, *, fresh):
-        assert fresh
-        assert jobs >= 1
-        yield from (runner.run(task, lambda _: None) for task in tasks)
-
-    monkeypatch.setattr(mapper_runs, "run_parallel", run_here)
 
 
 def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):

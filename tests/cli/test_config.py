@@ -101,7 +101,7 @@ def test_a_wrong_mapper_file_is_one_error(
 
 
 def test_a_tasks_file_reaches_the_environment(
-    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: None
 ) -> None:
     """Home is wherever the robot is, so the first declaration succeeds."""
     monkeypatch.chdir(tmp_path)

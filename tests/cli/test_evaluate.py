@@ -41,11 +41,6 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> A
     return albot
 
 
-def _inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
-    """As `run_parallel`, in this process."""
-    yield from (trade.run(trial, lambda _: None) for trial in trials)
-
-
 def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
     status, out, err = run(
         "evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3..4", "--jobs", "2",
@@ -61,7 +56,9 @@ def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
     assert len((tmp_path / "new" / "episodes.csv").read_text().splitlines()) == 1 + 2
 
 
-def test_no_picture_of_failures_if_nothing_failed(run: Albot, tmp_path: Path) -> None:
+def test_no_picture_of_failures_if_nothing_failed(
+    run: Albot, tmp_path: Path, in_process: None
+) -> None:
     words = ("evaluate", "Albot/Homing-v0", "--agent", "oracle", "--seeds", "3..3", "--jobs", "1")
     out, figure = tmp_path / "new", tmp_path / "failures.pdf"
     out.mkdir()
@@ -74,10 +71,7 @@ def test_no_picture_of_failures_if_nothing_failed(run: Albot, tmp_path: Path) ->
     assert not figure.exists()
 
 
-def test_two_agents_in_the_same_episodes(
-    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
+def test_two_agents_in_the_same_episodes(run: Albot, tmp_path: Path, in_process: None) -> None:
     words = ("evaluate", "homing", "--agent", "path-integration", "--against", "homing", *TINY)
     status, out, err = run(*words, "--seeds", "3..5", "--out", str(tmp_path), "--json")
     assert (status, err) == (0, "")
@@ -103,10 +97,7 @@ def test_two_agents_in_the_same_episodes(
     assert (status, "--against: expected an agent other than path-integration" in err) == (2, True)
 
 
-def test_a_world_that_is_named_twice_is_run_once(
-    run: Albot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
+def test_a_world_that_is_named_twice_is_run_once(run: Albot, in_process: None) -> None:
     words = ("evaluate", "homing", "--agent", "random", "--seeds", "3..4", "--json", *TINY)
     found = json.loads(run(*words, "--worlds", "square-loop", "--worlds", "office-ring")[1])
     assert found["episodes"] == 4
@@ -114,9 +105,8 @@ def test_a_world_that_is_named_twice_is_run_once(
 
 
 def test_a_full_disk_leaves_no_folder(
-    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full_disk: None
+    run: Albot, tmp_path: Path, in_process: None, full_disk: None
 ) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3", *TINY)
     status, _, err = run(*words, "--out", str(tmp_path / "new"))
     assert status == 2
@@ -124,8 +114,7 @@ def test_a_full_disk_leaves_no_folder(
     assert not list(tmp_path.iterdir())
 
 
-def test_the_same_seeds_give_the_same_figures(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
+def test_the_same_seeds_give_the_same_figures(run: Albot, in_process: None) -> None:
     words = ("evaluate", "Albot/Homing-v0", "--agent", "oracle", "--seeds", "3", "--json", *TINY)
     one, other = (json.loads(run(*words)[1]) for _ in range(2))
     for figures in (one, other):
@@ -140,7 +129,7 @@ def test_a_mapper_is_evaluated_with_other_thresholds(
 
     def inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
         tried.extend(trial.settings["mapper_config"] for trial in trials)
-        return _inline(trade, trials, jobs)
+        yield from (trade.run(trial, lambda _: None) for trial in trials)
 
     monkeypatch.setattr(workers, "run_parallel", inline)
     file = tmp_path / "thresholds.yaml"
@@ -180,9 +169,8 @@ def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch)
     ],
 )
 def test_every_task_has_its_figures_in_words(
-    run: Albot, monkeypatch: pytest.MonkeyPatch, task: str, agent: str, texts: tuple[str, ...]
+    run: Albot, in_process: None, task: str, agent: str, texts: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("--worlds", "square-loop", "--seeds", "3..3", "--steps", "15", "--jobs", "1")
     status, out, err = run("evaluate", f"Albot/{task}", "--agent", agent, *words)
     assert (status, err) == (0, "")
@@ -190,10 +178,7 @@ def test_every_task_has_its_figures_in_words(
         assert word in out
 
 
-def test_a_trained_agent_with_another_mapper_is_told_of(
-    run: Albot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
+def test_a_trained_agent_with_another_mapper_is_told_of(run: Albot, in_process: None) -> None:
     words = ("evaluate", "Albot/Homing-v0", "--agent", "homing", "--seeds", "3", "--json", *TINY)
     status, out, err = run(*words, "--mapper", "none")
     assert status == 0
@@ -204,8 +189,7 @@ def test_a_trained_agent_with_another_mapper_is_told_of(
     assert (status, err, json.loads(out)["untrained"]) == (0, "", [])
 
 
-def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
+def test_exploring_has_no_success(run: Albot, in_process: None) -> None:
     words = ("evaluate", "Albot/Explore-v0", "--agent", "gap-explorer", "--seeds", "1")
     status, out, _ = run(*words, "--worlds", "square-loop", "--steps", "15")
     assert status == 0

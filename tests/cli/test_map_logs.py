@@ -98,6 +98,6 @@ def test_a_reset_of_the_odometer_is_told_and_costs_nothing(mapper, reset_log, ca
     assert found["path_m"] == pytest.approx(59 * 0.12, abs=0.05)
 
 
-def test_compare_tells_of_a_reset_too(reset_log, call):
+def test_compare_tells_of_a_reset_too(reset_log, call, in_process):
     done = call("compare", *reset_log, "--mappers", "odometry", "--jobs", "1")
     assert "note: at scan 31 the odometer jumps by " in done.stdout

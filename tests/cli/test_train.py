@@ -13,9 +13,6 @@ from typing import Any
 
 import pytest
 
-from albot_agents import workers
-from albot_agents.evaluation.plan import Trial
-from albot_agents.evaluation.trial import TrialRunner
 from albot_agents.training import recent_episodes, seed_processes
 from albot_agents.training.checkpoint import checkpoints
 from albot_agents.training.plan import LARGEST_SEED
@@ -51,15 +48,9 @@ def config(tmp_path: Path) -> Path:
     return plan_file(tmp_path / "plan.yml", n_timesteps=32)
 
 
-def _inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
-    """As `run_parallel`, in this process."""
-    yield from (trade.run(trial, lambda _: None) for trial in trials)
-
-
 def test_train_resume_evaluate_and_tell(
-    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Albot, config: Path, tmp_path: Path, in_process: None
 ) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
     folder = tmp_path / "run"
     words = ("train", TASK, "--config", config, "--out", folder, "--seed", 5)
     status, out, err = run(*words, "--json")
