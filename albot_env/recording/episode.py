@@ -90,7 +90,8 @@ class Moment:
     """The activity of the mapper's attractor network; None if unchanged since the previous moment,
     or if the mapper has no network."""
     facts: Mapping[str, Fact] = field(default_factory=dict)
-    """What the task's info says at this moment, by name; without what other fields hold."""
+    """What the task's info says at this moment, by name, without what other fields hold; and
+    `confidence`, the part of observations, if the robot observes it."""
     dynamic_obstacles: Float64[np.ndarray, "obstacles 4"] = field(
         default_factory=lambda: np.empty((0, 4))
     )

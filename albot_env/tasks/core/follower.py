@@ -18,6 +18,8 @@ from albot_env.rendering.trace import Trace
 from albot_env.tasks.core.interface import TaskInterface
 from albot_env.tasks.core.spec import ConfiguredSpec
 
+_CONFIDENCE = "confidence"
+"""The part of observations that tells how sure the robot is of home."""
 _FIELDS = ("collided", "path_length", "time", "updates")
 """Facts that a moment has fields for."""
 
@@ -102,12 +104,16 @@ class EpisodeFollower:
         )
 
     def _facts(self) -> dict[str, Fact]:
-        """Return what the info says that a moment has no field for."""
+        """Return what the info says that a moment has no field for; and the observed confidence."""
+        robots = self._interface.robots
         facts = {
             name: fact.item(self._row)
-            for name, fact in self._interface.robots.facts.items()
+            for name, fact in robots.facts.items()
             if fact.ndim == 1 and name not in _FIELDS
         }
+        if _CONFIDENCE in robots.observation_config.parts:
+            seen = robots.observation_config.split(robots.observations[self._row])
+            facts[_CONFIDENCE] = float(seen[_CONFIDENCE][0])
         # JSON has no infinity.
         infinite = [name for name, fact in facts.items() if fact in (inf, -inf) or fact != fact]
         return {**facts, **dict.fromkeys(infinite)}

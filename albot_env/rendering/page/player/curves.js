@@ -94,6 +94,7 @@ class ChoiceChart extends Chart {
 function chartsOf(episode, player) {
   const distances = episode.curves.filter(({ name }) => /^(position error|distance)/.test(name));
   const others = episode.curves.filter((curve) => !distances.includes(curve));
+  others.sort((a, b) => (b.name === "confidence") - (a.name === "confidence"));
   const charts = [];
   if (distances.length) charts.push(new Chart("distances (m)", distances, player));
   const terms = episode.terms.filter(({ values }) => values.some((value) => value !== 0));
