@@ -24,12 +24,20 @@ from albot_core.files import new_folder, scratch_folder
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Pose, Ranges
 from albot_core.logs.log import Log
-from albot_core.ros.library import check_rosbags
+from albot_core.ros.bag import METADATA
+from albot_core.ros.messages import (
+    ODOMETRY,
+    POSE,
+    SCAN,
+    SECOND,
+    TRANSFORMS,
+    check_rosbags,
+    ros2_types,
+)
 from albot_core.sensing.reading import LaserGeometry
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Qos
-    from rosbags.typesys.store import Typestore
 
 Storage = Literal["mcap", "sqlite3"]
 
@@ -37,12 +45,9 @@ ODOM, BASE, LASER, WORLD = "odom", "base_link", "laser", "world"
 """Names of the frames."""
 TRUTH = "ground_truth"
 """Last name of the topic with the reference."""
-METADATA = "metadata.yaml"
-"""The file that makes a folder a bag."""
 _VERSION: Literal[8] = 8
 """Version of the metadata: the last whose quality of service Humble reads, and Jazzy, too."""
 _SCAN, _ODOMETRY, _TRUTH, _MOVING, _STATIC = "/scan", "/odom", f"/{TRUTH}", "/tf", "/tf_static"
-_SECOND = 10**9
 _LATEST = 2**31
 """Stamps (s) from this on do not fit in a ROS message."""
 
@@ -83,7 +88,7 @@ def _write(bag: Path, storage: Storage, messages: Iterator[tuple[str, int, Any]]
     from rosbags.interfaces import Connection
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    types = _types()
+    types = ros2_types()
     plugin = StoragePlugin[storage.upper()]
     connections: dict[str, Connection] = {}
     with Writer(bag, version=_VERSION, storage_plugin=plugin) as writer:
@@ -105,7 +110,7 @@ def _messages(
     """Yield all messages: what places a scan comes before it."""
     make = _Maker()
     seen = np.where(ranges < geometry.max_range, ranges, np.inf)
-    durations = np.diff(stamps) / _SECOND
+    durations = np.diff(stamps) / SECOND
     period = float(np.median(durations)) if len(durations) else 0.0
     velocities = np.zeros_like(log.odometry)
     velocities[1:] = relative(log.odometry[:-1], log.odometry[1:]) / durations[:, None]
@@ -120,23 +125,16 @@ def _messages(
         yield _SCAN, stamp, make.scan(stamp, geometry, seen[scan], period)
 
 
-def _types() -> Typestore:
-    """Return the types of Humble; of those used here, later releases have the same."""
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS2_HUMBLE)
-
-
 class _Maker:
     """Makes messages. Stamps are in nanoseconds, poses and ranges as everywhere."""
 
     def __init__(self) -> None:
-        self._types = _types().types
+        self._types = ros2_types().types
 
     def scan(self, stamp: int, laser: LaserGeometry, ranges: Ranges, period: float) -> Any:
         """Return a LaserScan; `period` is the time between scans (s)."""
         last = laser.first_bearing + (laser.beams - 1) * laser.spacing
-        return self._types["sensor_msgs/msg/LaserScan"](
+        return self._types[SCAN](
             header=self._header(stamp, LASER),
             angle_min=laser.first_bearing,
             angle_max=last,
@@ -156,7 +154,7 @@ class _Maker:
             "Twist", linear=self._vector(x, y), angular=self._vector(0.0, 0.0, turn)
         )
         unknown = np.zeros(36)
-        return self._types["nav_msgs/msg/Odometry"](
+        return self._types[ODOMETRY](
             header=self._header(stamp, ODOM),
             child_frame_id=BASE,
             pose=self._geometry("PoseWithCovariance", pose=self._pose(pose), covariance=unknown),
@@ -166,7 +164,7 @@ class _Maker:
     def truth(self, stamp: int, pose: Pose) -> Any:
         """Return a PoseStamped of the true pose."""
         header = self._header(stamp, WORLD)
-        return self._geometry("PoseStamped", header=header, pose=self._pose(pose))
+        return self._types[POSE](header=header, pose=self._pose(pose))
 
     def transform(self, stamp: int, parent: str, child: str, pose: Pose) -> Any:
         """Return a TFMessage with the pose of the frame `child` in the frame `parent`."""
@@ -178,13 +176,13 @@ class _Maker:
         one = self._geometry(
             "TransformStamped", header=header, child_frame_id=child, transform=moved
         )
-        return self._types["tf2_msgs/msg/TFMessage"](transforms=[one])
+        return self._types[TRANSFORMS](transforms=[one])
 
     def _geometry(self, name: str, **fields: Any) -> Any:
         return self._types[f"geometry_msgs/msg/{name}"](**fields)
 
     def _header(self, stamp: int, frame: str) -> Any:
-        seconds, rest = divmod(stamp, _SECOND)
+        seconds, rest = divmod(stamp, SECOND)
         time = self._types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
         return self._types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
@@ -212,7 +210,7 @@ def _quality(topic: str) -> Qos:
         QosTime,
     )
 
-    unlimited = QosTime(2**63 // _SECOND, 2**63 % _SECOND - 1)
+    unlimited = QosTime(2**63 // SECOND, 2**63 % SECOND - 1)
     is_static = topic == _STATIC
     return Qos(
         history=QosHistory.KEEP_LAST,
@@ -239,7 +237,7 @@ def _nanoseconds(log: Log) -> Int64[np.ndarray, "scans"]:
             raise InputError(log.name, f"stamps from 0 to {_LATEST} s", found, place=place)
     seconds = np.floor(log.times)
     # By parts, because the product of a whole stamp of today is exact to 256 ns only.
-    whole = seconds.astype(np.int64) * _SECOND
-    stamps = whole + np.round((log.times - seconds) * _SECOND).astype(np.int64)
+    whole = seconds.astype(np.int64) * SECOND
+    stamps = whole + np.round((log.times - seconds) * SECOND).astype(np.int64)
     count = np.arange(len(stamps))
     return np.asarray(np.maximum.accumulate(stamps - count) + count)
