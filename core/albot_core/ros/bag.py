@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
@@ -35,6 +35,8 @@ METADATA = "metadata.yaml"
 """The file that makes a folder a bag of ROS 2."""
 _ROS1, _MCAP, _SQLITE = b"#ROSBAG V", MCAP0_MAGIC, b"SQLite format 3\0"
 """First bytes of a bag's files."""
+_PROFILES = ("ros1", "ros2")
+"""What an MCAP file says it is."""
 _INFORMATION = "rosbag2_bagfile_information"
 _LARGEST_FILE = 64 << 30
 """Largest size of an unpacked file (bytes)."""
@@ -77,8 +79,8 @@ class Received(NamedTuple):
 def is_bag(path: Path) -> bool:
     """Return whether a file or folder is a bag.
 
-    An MCAP file is one if the messages of a channel are encoded as ROS does; an SQLite file is
-    taken for one.
+    An MCAP file is one if its profile is of ROS, or the messages of its first channel are encoded
+    as ROS does; an SQLite file is taken for one.
     """
     if not exists(path):
         return False
@@ -87,9 +89,12 @@ def is_bag(path: Path) -> bool:
     try:
         beginning = _beginning(path)
         if beginning.startswith(_MCAP):
-            channels = (each for each in _mcap_records(path, path) if isinstance(each, Channel))
-            first = next(channels, None)
-            return first is not None and first.message_encoding in ENCODINGS
+            for record in _mcap_records(path, path):
+                if isinstance(record, Header) and record.profile in _PROFILES:
+                    return True
+                if isinstance(record, Channel):
+                    return record.message_encoding in ENCODINGS
+            return False
     except InputError:
         return False
     return beginning.startswith((_ROS1, _SQLITE))
@@ -307,6 +312,12 @@ class _SqliteFile:
         self.path = path
         self.source = source
         with closing(self._connect()) as database:
+            pages, page = (
+                database.execute(f"PRAGMA {name}").fetchone()[0]
+                for name in ("page_count", "page_size")
+            )
+            if pages * page > path.stat().st_size:
+                raise InputError(source, "an intact ROS bag", "a file that ends early")
             self.topics = {
                 name: _Topic(kind_of_message(kind), encoding)
                 for name, kind, encoding in database.execute(
@@ -325,7 +336,10 @@ class _SqliteFile:
                     yield _Raw(topic, int(received), bytes(memoryview(data)))
 
     def _connect(self) -> sqlite3.Connection:
-        return sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        # What a recorder that was cut off did not yet put in the file lies beside it.
+        unsaved = exists(self.path.with_name(f"{self.path.name}-wal"))
+        fixed = "" if unsaved else "&immutable=1"
+        return sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro{fixed}", uri=True)
 
 
 def _beginning(path: Path) -> bytes:
