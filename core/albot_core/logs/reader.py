@@ -15,7 +15,7 @@ from albot_core.logs import carmen, duke, intel_json, mines, wean
 from albot_core.logs.log import Log, Recording, Unread
 from albot_core.logs.ros_bag import BagTopics, read_ros_bag
 from albot_core.logs.text import LogText, is_number
-from albot_core.ros.bag import is_bag
+from albot_core.ros.bag import METADATA, is_bag
 
 
 class _Format(Protocol):
@@ -60,6 +60,8 @@ def read_log(path: str | Path, keep_going: bool = False, topics: BagTopics | Non
     path = Path(path)
     if is_bag(path):
         return read_ros_bag(path, topics)
+    if path.is_dir():
+        raise InputError(path, f"a log, or a ROS bag with {METADATA}", "another folder")
     content, damage = read_beginning(path)
     if damage is not None and not (keep_going and content):
         raise damage
