@@ -24,6 +24,7 @@ from albot_core.files import new_folder, scratch_folder
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Pose, Ranges
 from albot_core.logs.log import Log
+from albot_core.logs.ros_bag import TRUTH
 from albot_core.ros.bag import METADATA
 from albot_core.ros.messages import (
     ODOMETRY,
@@ -43,8 +44,6 @@ Storage = Literal["mcap", "sqlite3"]
 
 ODOM, BASE, LASER, WORLD = "odom", "base_link", "laser", "world"
 """Names of the frames."""
-TRUTH = "ground_truth"
-"""Last name of the topic with the reference."""
 _VERSION: Literal[8] = 8
 """Version of the metadata: the last whose quality of service Humble reads, and Jazzy, too."""
 _SCAN, _ODOMETRY, _TRUTH, _MOVING, _STATIC = "/scan", "/odom", f"/{TRUTH}", "/tf", "/tf_static"

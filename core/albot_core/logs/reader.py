@@ -11,9 +11,9 @@ from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import FIELDS, read_tum
 from albot_core.files import decode_text, read_beginning, read_text
-from albot_core.logs import carmen, duke, intel_json, mines, wean
+from albot_core.logs import carmen, duke, intel_json, mines, ros_bag, wean
 from albot_core.logs.log import Log, Recording, Unread
-from albot_core.logs.ros_bag import BagTopics, read_ros_bag
+from albot_core.logs.ros_bag import BagTopics
 from albot_core.logs.text import LogText, is_number
 from albot_core.ros.bag import METADATA, is_bag
 
@@ -32,7 +32,7 @@ class _Format(Protocol):
 
 _LINE_FORMATS: tuple[_Format, ...] = (carmen, wean, duke)
 
-FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME, mines.NAME)
+FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME, mines.NAME, ros_bag.NAME)
 """Names of the known formats."""
 _LIBRSF = ("odom2", "loop", "point2", "angle")
 """First words of lines in the data sets of TU Chemnitz's libRSF."""
@@ -59,9 +59,9 @@ def read_log(path: str | Path, keep_going: bool = False, topics: BagTopics | Non
     """
     path = Path(path)
     if is_bag(path):
-        return read_ros_bag(path, topics)
+        return ros_bag.read_ros_bag(path, topics)
     if path.is_dir():
-        raise InputError(path, f"a log, or a ROS bag with {METADATA}", "another folder")
+        raise InputError(path, f"a log, or a ROS bag with {METADATA}", "a folder without it")
     content, damage = read_beginning(path)
     if damage is not None and not (keep_going and content):
         raise damage

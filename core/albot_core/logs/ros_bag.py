@@ -21,11 +21,12 @@ from albot_core.geometry.poses import interpolate
 from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
 from albot_core.plain_data import LARGEST
-from albot_core.ros.bag import Bag, opened_bag
+from albot_core.ros.bag import METADATA, Bag, opened_bag
 from albot_core.ros.frames import FrameTree, Transform, frame_name, planar_poses
 from albot_core.ros.messages import ODOMETRY, POSE, SCAN, SECOND, TRANSFORMS, stamp_of
 from albot_core.ros.scans import Scans
 
+NAME = f"ROS bags (.bag, .mcap, .db3, or a folder with {METADATA})"
 TRUTH = "ground_truth"
 """Part of the names of topics of true poses, such as Gazebo's and Stage's."""
 _STATIC = "tf_static"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from albot_core.errors import InputError
 from albot_core.export.ros2_bag import write_ros2_bag
@@ -140,10 +141,22 @@ def test_frames_other_than_the_laser_and_a_corrected_frame_do_not_matter(tmp_pat
     check(read_log(write_ros2(sent, tmp_path / "a")), drive)
 
 
-def pose_rotation(number: int) -> Any:
-    from scipy.spatial.transform import Rotation
-
+def pose_rotation(number: int) -> Rotation:
     return Rotation.from_euler("z", number / 9)
+
+
+def test_the_robots_frame_may_hang_below_the_one_that_holds_the_laser(tmp_path: Path) -> None:
+    """Of a transform from base_footprint to base_link the inverse is published."""
+    frames = ("base_footprint", "base_link", "laser")
+    drive = Drive(base=frames[0], chain=frames, place=(0.3, 0.1), turned=(0.4, 0.0, math.pi))
+    sent = list(drive.messages())
+    (link,) = sent[0].fields["transforms"]
+    assert link["child_frame_id"] == "base_link"
+    moved = link["transform"]
+    rotation = Rotation.from_quat([moved["rotation"][name] for name in "xyzw"]).inv()
+    place = rotation.apply([-moved["translation"][name] for name in "xyz"])
+    fields = drive._transform(0.0, "base_link", "base_footprint", place, rotation)
+    check(read_log(write_ros2([sent[0]._replace(fields=fields), *sent[1:]], tmp_path / "a")), drive)
 
 
 def test_what_is_no_measurement_is_no_return(tmp_path: Path) -> None:
