@@ -13,6 +13,8 @@ from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Ranges
 from albot_core.logs.log import Log, Unread
 from albot_core.logs.reader import read_log
+from albot_core.logs.ros_bag import BagTopics
+from albot_core.ros.bag import is_bag
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.reader import EpisodeReader
 
@@ -44,18 +46,27 @@ EPISODE_SUFFIX = ".mcap"
 """File name suffix of episodes."""
 
 
-def read_log_or_episode(path: Path, keep_going: bool = False) -> Log:
-    """Read a real robot's log, or a recorded episode if the file's name ends in `.mcap`.
+def read_log_or_episode(
+    path: Path, keep_going: bool = False, topics: BagTopics | None = None
+) -> Log:
+    """Read a real robot's log, or a recorded episode.
+
+    A file whose name ends in `.mcap` is an episode, unless it holds messages of ROS.
 
     Args:
-        path: The file.
+        path: The file, or the folder of a ROS bag.
         keep_going: Whether to leave out the damaged lines of a log.
+        topics: The topics of a ROS bag that are read.
 
     Raises:
-        InputError: As `read_log` and `read_episode_log`.
+        InputError: As `read_log` and `read_episode_log`; or topics of an episode are asked for.
     """
-    is_episode = path.suffix.lower() == EPISODE_SUFFIX
-    return read_episode_log(path) if is_episode else read_log(path, keep_going)
+    if path.suffix.lower() != EPISODE_SUFFIX or is_bag(path):
+        return read_log(path, keep_going, topics)
+    log = read_episode_log(path)
+    if topics is not None:
+        raise InputError(path, "a ROS bag, as topics are given", "a recorded episode")
+    return log
 
 
 def read_episode_log(path: Path) -> Log:

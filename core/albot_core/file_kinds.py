@@ -11,9 +11,12 @@ from albot_core.archive import CORRUPT, HEADER
 from albot_core.errors import InputError
 from albot_core.files import exists, read_beginning
 from albot_core.logs.reader import log_format
+from albot_core.ros.bag import is_bag
 
+BAG = "a ROS bag"
 _BEGINNINGS = {
-    b"\x89MCAP": "a recorded episode",
+    b"#ROSBAG V": BAG,
+    b"SQLite format 3\0": f"{BAG} or another SQLite database",
     b"\x89PNG": "a picture",
     b"\xff\xd8\xff": "a picture",
     b"P5": "a picture",
@@ -41,13 +44,15 @@ _BEGINNING = 1 << 16
 def kind_of(path: Path) -> str:
     """Return what a file is, by its content; "" if that is unknown or it cannot be read."""
     if exists(path) and path.is_dir():
-        return "a folder"
+        return BAG if is_bag(path) else "a folder"
     try:
         content, _ = read_beginning(path)
     except InputError:
         return ""
     if content.startswith(b"PK\x03\x04"):
         return _archive_kind(content)
+    if content.startswith(b"\x89MCAP"):
+        return BAG if is_bag(path) else "a recorded episode"
     for beginning, kind in _BEGINNINGS.items():
         if content.startswith(beginning):
             return kind

@@ -14,6 +14,7 @@ import click
 from click.core import ParameterSource
 
 from albot_cli import completion
+from albot_cli.bag_options import bag_options
 from albot_cli.count_type import CountType
 from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import (
@@ -33,6 +34,7 @@ from albot_core.errors import InputError
 if TYPE_CHECKING:
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
     from albot_core.geometry.types import Segments
+    from albot_core.logs.ros_bag import BagTopics
 
 _FILE = PathType()
 _WORLDS = {".yaml", ".yml", ".xml", ".world"}
@@ -61,6 +63,7 @@ _WRITING = {"out", "html", "figure", "dpi", "force", "as_json"}
 @click.option("--reference", type=_FILE, help="True poses of the robot (see `albot map`).")
 @click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
 @click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
+@bag_options
 @click.option(
     "--agent",
     default="gap-explorer",
@@ -121,6 +124,7 @@ def command(
     reference: Path | None,
     relations: Path | None,
     keep_going: bool,
+    topics: BagTopics | None,
     agent: str,
     steps: int,
     jobs: int | None,
@@ -133,10 +137,10 @@ def command(
 ) -> int:
     """Run several mappers on the same readings, and compare their figures.
 
-    The readings are those of a real robot's LOG, of a recorded EPISODE, or of a robot that explores
-    a WORLD (a name, a file or random:KIND:SEED). Each run has a process of its own. For several
-    seeds the medians and the worst error are shown. The exit status is 1 if a run died, and 130 if
-    Ctrl-C stopped the command: then the figures are those of the runs so far.
+    The readings are those of a real robot's LOG, a ROS bag among them, of a recorded EPISODE, or of
+    a robot that explores a WORLD (a name, a file or random:KIND:SEED). Each run has a process of
+    its own. For several seeds the medians and the worst error are shown. The exit status is 1 if a
+    run died, and 130 if Ctrl-C stopped the command: then the figures are those of the runs so far.
     """
     from albot_agents.evaluation.plan import parse_seeds
     from albot_cli.comparison_report import FILES, as_text, rows_of, write_files, write_page
@@ -154,10 +158,12 @@ def command(
     is_world = _is_world(source)
     chosen = [*sensors, *(name for name in ("agent", "steps") if _given(ctx, name))]
     _check_options(source, is_world, chosen, reference=reference, relations=relations)
+    if is_world and topics is not None:
+        raise InputError(source, "a ROS bag, as topics are given", "a world")
     if is_world:
         sources = explored_sources(source, numbers, agent, steps, sensors, jobs)
     else:
-        sources = recorded_sources(source, numbers, reference, relations, keep_going)
+        sources = recorded_sources(source, numbers, reference, relations, keep_going, topics)
     notes = notes_of(sources[0].log, sources[0].reference, reference, sources[0].relations)
     for note in notes:
         click.echo(f"albot: {sources[0].log.name}: {note}", err=True)
@@ -316,7 +322,12 @@ def explored_sources(
 
 
 def recorded_sources(
-    source: str, seeds: range, reference: Path | None, relations: Path | None, keep_going: bool
+    source: str,
+    seeds: range,
+    reference: Path | None,
+    relations: Path | None,
+    keep_going: bool,
+    topics: BagTopics | None = None,
 ) -> list[Source]:
     """Read a log or an episode, and return it as one source per seed.
 
@@ -326,6 +337,7 @@ def recorded_sources(
         reference: File of the robot's true poses, if the log has none.
         relations: File of true relations between its poses.
         keep_going: Whether to leave out the damaged lines of a log.
+        topics: The topics of a ROS bag that are read.
 
     Raises:
         InputError: A file is damaged, or reference or relations belong to another log.
@@ -336,7 +348,7 @@ def recorded_sources(
     from albot_core.logs.reader import read_reference
     from albot_env.recording.log import read_log_or_episode
 
-    log = read_log_or_episode(Path(source), keep_going)
+    log = read_log_or_episode(Path(source), keep_going, topics)
     truth = log.reference_trajectory if reference is None else read_reference(reference)
     known = None if relations is None else read_relations(relations)
     odometry = score(log.odometry_trajectory, truth, known)

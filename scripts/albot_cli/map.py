@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from albot_cli import completion
+from albot_cli.bag_options import bag_options
 from albot_cli.error_report import errors_csv, errors_figure, errors_markdown
 from albot_cli.map_report import (
     RECOGNITION,
@@ -42,6 +43,7 @@ from albot_core.geometry.poses import compose
 from albot_core.logs.example import EXAMPLE
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_reference
+from albot_core.logs.ros_bag import BagTopics
 from albot_core.mappers.map_file import save_map
 from albot_core.mappers.mapper import AttractorNetwork, PlaceMemory
 from albot_core.mappers.registry import (
@@ -109,6 +111,7 @@ FILES = (
     help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
 @click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
+@bag_options
 @figure_options("the map")
 @FORCE
 @JSON
@@ -121,15 +124,17 @@ def command(
     out: Path | None,
     recognition: bool,
     keep_going: bool,
+    topics: BagTopics | None,
     figure: FigureFile | None,
     force: bool,
     as_json: bool,
 ) -> None:
     """Run a mapper over a real robot's LOG or a recorded EPISODE, and report its errors.
 
-    LOG is a CARMEN, Wean Hall, Duke or JSON log, compressed (.gz, .xz) or not; EPISODE is a
-    file of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
-    the mapper's updates alone, without compilation.
+    LOG is a CARMEN, Wean Hall, Duke or JSON log, compressed (.gz, .xz) or not, or a bag of ROS 1 or
+    ROS 2 (.bag, .mcap, .db3, or a folder with metadata.yaml); EPISODE is a file of `albot play`
+    (.mcap), which holds its own reference. The seconds reported are those of the mapper's updates
+    alone, without compilation.
 
     Without either it maps a small log that comes with the project, of a simulated robot in an
     office.
@@ -138,7 +143,7 @@ def command(
     mapper_parameters = read_mapper_config(spec, mapper_config)
     if out is not None:
         check_folder(out, FILES, force=force)
-    recorded = read_log_or_episode(log, keep_going)
+    recorded = read_log_or_episode(log, keep_going, topics)
     truth = read_reference(reference) if reference else recorded.reference_trajectory
     true_relations = read_relations(relations) if relations else None
     odometry = score(recorded.odometry_trajectory, truth, true_relations)

@@ -28,6 +28,8 @@ def _archive(header: str) -> bytes:
     ("content", "kind"),
     [
         (b"\x89MCAP0\r\n", "a recorded episode"),
+        (b"#ROSBAG V2.0\n", "a ROS bag"),
+        (b"SQLite format 3\0", "a ROS bag"),
         (b"\x89PNG\r\n", "a picture"),
         (DUKE.encode(), "a robot's log, Duke (Odometry and Laser lines)"),
         (b'{"map": {"1": {"range": [], "x": 0, "y": 0, "theta": 0}}}', "a robot's log, JSON"),

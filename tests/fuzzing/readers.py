@@ -49,6 +49,7 @@ from albot_core.evaluation.trajectory import (
 from albot_core.files import read_beginning, read_bytes, read_text
 from albot_core.json_document import read_json
 from albot_core.logs.reader import read_log, read_reference
+from albot_core.logs.ros_bag import read_ros_bag
 from albot_core.logs.wean import read_wean_map
 from albot_core.mappers.registry import make_mapper
 from albot_core.plain_data import to_plain
@@ -65,6 +66,7 @@ from tests.agents.benchmark.episodes import results as made_up
 from tests.agents.training.demonstrated import ACTIONS, LESSON, demonstrations
 from tests.agents.training.tiny import TASK, TINY, begun, plan_file
 from tests.core.logs.conftest import WRITERS, make_drive
+from tests.core.ros.drives import Drive, write_ros1, write_ros2
 from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
 from tests.fuzzing.reader import Reader, one_file
 from tests.maps.formats import test_house_json, test_plan_xml, test_ros_grid, test_stage_world
@@ -93,6 +95,19 @@ def _read_relations(path: Path) -> None:
     relation_error(Trajectory(stamps=np.arange(3.0), poses=np.eye(3)), read_relations(path))
 
 
+_DRIVE = Drive(chain=("base_link", "plate", "laser"), turned=(0.3, 0.0, np.pi), scans=3, poses=20)
+
+
+def _write_ros2(folder: Path, storage: str, compression: str) -> None:
+    """Write a bag whose file has no ending, so that it is damaged byte by byte."""
+    bag = write_ros2(_DRIVE.messages(), folder / "bag", storage, compression)
+    (file,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+    text = (bag / "metadata.yaml").read_text().replace(file.name, "messages")
+    (folder / "metadata.yaml").write_text(text)
+    file.rename(folder / "messages")
+    shutil.rmtree(bag)
+
+
 def _log_readers() -> Iterator[Reader]:
     for kind, writer in WRITERS.items():
         text = writer(make_drive(kind, scans=3))
@@ -111,6 +126,22 @@ def _log_readers() -> Iterator[Reader]:
     yield one_file("relations", "a.relations", relations, _read_relations, read_relations)
     grid = "robot_specifications->resolution 10\n\nglobal_map[0]: 3 3\n1 1 1\n0 0.1 0\n-1 -1 0.7\n"
     yield one_file("Wean Hall's map", "map.dat", grid, read_wean_map, read_wean_map)
+    for compression in ("", "lz4", "bz2"):
+        yield Reader(
+            name=f"ROS 1 bag {compression}".strip(),
+            functions=(read_ros_bag,),
+            write=lambda folder, packed=compression: write_ros1(
+                _DRIVE.messages(), folder / "a.bag", packed
+            ),
+            read=lambda folder: _read_log(folder / "a.bag"),
+        )
+    for storage, compression in (("mcap", ""), ("mcap", "storage"), ("sqlite3", "message")):
+        yield Reader(
+            name=f"ROS 2 bag {storage} {compression}".strip(),
+            functions=(read_ros_bag,),
+            write=partial(_write_ros2, storage=storage, compression=compression),
+            read=_read_log,
+        )
 
 
 # Worlds.

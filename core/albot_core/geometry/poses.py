@@ -71,3 +71,35 @@ def transform_points(frame: Float64[np.ndarray, "3"], points: Points) -> Points:
 def transform_segments(frame: Float64[np.ndarray, "3"], segments: Segments) -> Segments:
     """Transform segments from `frame` to the frame in which `frame` is given (m)."""
     return transform_points(frame, segments.reshape(-1, 2, 2)).reshape(-1, 4)
+
+
+def interpolate(
+    stamps: Float64[np.ndarray, "poses"],
+    poses: Poses,
+    wanted: Float64[np.ndarray, "moments"],
+) -> Float64[np.ndarray, "moments 3"]:
+    """Return poses between given ones, moved at a constant velocity in the robot's own frame.
+
+    Between two poses the robot so drives along an arc: the geodesic of SE(2) (Lynch and Park,
+    "Modern Robotics", 2017, section 3.3.3).
+
+    Args:
+        stamps: Times of the poses (s), each later than the one before.
+        poses: At least one.
+        wanted: Times within those of the poses (s).
+    """
+    if len(stamps) == 1:
+        return np.repeat(poses, len(wanted), axis=0)
+    after = np.searchsorted(stamps, wanted).clip(1, len(stamps) - 1)
+    before = after - 1
+    part = (wanted - stamps[before]) / (stamps[after] - stamps[before])
+    motions = relative(poses[before], poses[after])
+    turns = motions[:, 2]
+    # The chord of a part of the arc is shorter, and turned back by half of what is left of it.
+    shorter = part * np.sinc(part * turns / (2 * np.pi)) / np.sinc(turns / (2 * np.pi))
+    back = (part - 1) * turns / 2
+    cos, sin = np.cos(back), np.sin(back)
+    x, y = motions[:, 0], motions[:, 1]
+    moved = np.stack((cos * x - sin * y, sin * x + cos * y, part * turns), axis=1)
+    moved[:, :2] *= shorter[:, None]
+    return compose(poses[before], moved)

@@ -11,9 +11,11 @@ from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import FIELDS, read_tum
 from albot_core.files import decode_text, read_beginning, read_text
-from albot_core.logs import carmen, duke, intel_json, mines, wean
+from albot_core.logs import carmen, duke, intel_json, mines, ros_bag, wean
 from albot_core.logs.log import Log, Recording, Unread
+from albot_core.logs.ros_bag import BagTopics
 from albot_core.logs.text import LogText, is_number
+from albot_core.ros.bag import METADATA, is_bag
 
 
 class _Format(Protocol):
@@ -30,7 +32,7 @@ class _Format(Protocol):
 
 _LINE_FORMATS: tuple[_Format, ...] = (carmen, wean, duke)
 
-FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME, mines.NAME)
+FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME, mines.NAME, ros_bag.NAME)
 """Names of the known formats."""
 _LIBRSF = ("odom2", "loop", "point2", "angle")
 """First words of lines in the data sets of TU Chemnitz's libRSF."""
@@ -38,26 +40,35 @@ _BEGINNING = 1000
 """Number of characters checked for a zero byte, which means that the file is not text."""
 
 
-def read_log(path: str | Path, keep_going: bool = False) -> Log:
+def read_log(path: str | Path, keep_going: bool = False, topics: BagTopics | None = None) -> Log:
     """Read a robot's log; its content determines the format.
 
-    Files that end in `.gz` or `.xz` are unpacked. Scans are in the order of time (see
-    `Recording.to_log`). Messages of other kinds are skipped.
+    A bag of ROS is a log, too (see `read_ros_bag`), and is read as a whole or not at all. Of the
+    other formats, files that end in `.gz` or `.xz` are unpacked. Scans are in the order of time
+    (see `Recording.to_log`). Messages of other kinds are skipped.
 
     Args:
         path: The file.
         keep_going: Whether to leave out the damaged lines of a log; the log's `unread` says
             which. At least one scan must be good.
+        topics: The topics of a bag that are read.
 
     Raises:
         InputError: The file cannot be read, has no known format, holds no scan, or is damaged
-            and `keep_going` is not set.
+            and `keep_going` is not set; or topics of what is no bag are asked for.
     """
     path = Path(path)
+    if is_bag(path):
+        return ros_bag.read_ros_bag(path, topics)
+    if path.is_dir():
+        raise InputError(path, f"a log, or a ROS bag with {METADATA}", "a folder without it")
     content, damage = read_beginning(path)
     if damage is not None and not (keep_going and content):
         raise damage
-    recording = _read(LogText(path, decode_text(content, path, "replace")), keep_going)
+    text = LogText(path, decode_text(content, path, "replace"))
+    if topics is not None:
+        raise InputError(path, "a ROS bag, as topics are given", _kind(text))
+    recording = _read(text, keep_going)
     if damage is not None:
         recording = _damaged(recording, damage)
     return recording.to_log(path.name)

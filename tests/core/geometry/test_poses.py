@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import (
     compose,
+    interpolate,
     inverse,
     relative,
     transform_points,
@@ -77,3 +78,34 @@ def test_shapes_broadcast() -> None:
 def test_single_poses_and_many_have_the_same_bits(a: np.ndarray, b: np.ndarray) -> None:
     assert compose(a, b).tobytes() == compose(a[None], b[None]).tobytes()
     assert inverse(a).tobytes() == inverse(a[None]).tobytes()
+
+
+@settings(deadline=None)
+@given(poses, st.floats(-3, 3), st.floats(-5, 5), st.floats(0, 1))
+def test_on_an_arc_poses_are_interpolated_exactly(
+    begin: np.ndarray, turn: float, length: float, part: float
+) -> None:
+    def along(share: float) -> np.ndarray:
+        angle = share * turn
+        radius = length / turn if abs(turn) > 1e-9 else 0.0
+        moved = (radius * np.sin(angle), radius * (1 - np.cos(angle)), angle)
+        return compose(begin, np.array(moved if radius else (share * length, 0.0, angle)))
+
+    stamps = np.array((10.0, 10.5))
+    ends = np.stack((along(0.0), along(1.0)))
+    wanted = np.array((10.0, 10.0 + part / 2, 10.5))
+    found = interpolate(stamps, ends, wanted)
+    for pose, share in zip(found, (0.0, part, 1.0), strict=True):
+        np.testing.assert_allclose(pose[:2], along(share)[:2], atol=1e-6)
+        assert abs(np.angle(np.exp(1j * (pose[2] - along(share)[2])))) < 1e-6
+
+
+def test_a_turn_on_the_spot_over_the_wrap_goes_the_short_way() -> None:
+    ends = np.array(((1.0, 2.0, 3.0), (1.0, 2.0, -3.0)))
+    (middle,) = interpolate(np.array((0.0, 1.0)), ends, np.array((0.5,)))
+    np.testing.assert_allclose((*middle[:2], abs(middle[2])), (1.0, 2.0, np.pi))
+
+
+def test_one_pose_is_its_own_interpolation() -> None:
+    pose = np.array(((1.0, 2.0, 0.5),))
+    np.testing.assert_array_equal(interpolate(np.zeros(1), pose, np.zeros(2)), pose.repeat(2, 0))
