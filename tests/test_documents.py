@@ -19,12 +19,23 @@ from tests.conftest import ROOT
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
 from tests.env import quick
 
-PAGES = ("README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")))
+PAGES = (
+    "README.md",
+    *sorted(
+        path.relative_to(ROOT).as_posix()
+        for folder in (".", "start", "guides", "tutorials")
+        for path in (ROOT / "docs" / folder).glob("*.md")
+    ),
+)
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 SPAN = re.compile(r"`(albot [^`\n]*)`")
 ELSEWHERE = {
     "docs/mappers.md": "is tests/core/mappers/topological.py, see test_guide.py",
     "docs/tasks.md": "is tests/env/tasks/visit_rooms.py, see test_guide.py",
+    "docs/guides/observation_part.md": "is followed by test_guides.py, as all in docs/guides",
+    "docs/guides/world_kind.md": "as above",
+    "docs/guides/agent.md": "as above",
+    "docs/guides/log_format.md": "as above",
 }
 """Pages whose code other tests run."""
 FASTER = {

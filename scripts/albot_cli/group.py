@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from albot_cli.main import drop_output
+from albot_cli.shell_scripts import completion_options
 from albot_cli.signals import handled_signals, use_default_handlers
 from albot_core.errors import did_you_mean
 
@@ -90,6 +91,7 @@ class LazyGroup(click.Group):
             formatter.write_dl(sorted(self._summaries.items()))
 
 
+@completion_options
 @click.group(
     cls=LazyGroup,
     package="albot_cli",
