@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import click
 from click.shell_completion import get_completion_class
@@ -13,13 +14,15 @@ from click.shell_completion import get_completion_class
 from albot_core.errors import InputError
 from albot_core.files import atomic_write, make_folder, read_bytes, write_text
 
+CommandT = TypeVar("CommandT", bound=click.Command)
+
 SHELLS = ("bash", "fish", "zsh")
 DETECTED = "detected"
 """Stands for the shell that `SHELL` names."""
 _NAME, _VARIABLE = "albot", "_ALBOT_COMPLETE"
 
 
-def completion_options(command: click.Command) -> click.Command:
+def completion_options(command: CommandT) -> CommandT:
     """Add the two options to the command."""
     kinds = click.Choice((*SHELLS, DETECTED))
     for name, callback, text in (

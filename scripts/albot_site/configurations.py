@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from albot_agents.task import config_kind, task_names
+from albot_agents.task import config_kind, task_names, untwinned
 from albot_cli.config import parameter_rows
 from albot_core.config_document import field_docs
 from albot_core.mappers.registry import MAPPERS, mapper_config
@@ -30,6 +30,11 @@ def configuration_pages() -> dict[str, str]:
     }
 
 
+def own_tasks() -> list[str]:
+    """Return the ids of all tasks but the twins that reveal the truth, which are alike."""
+    return [task for task in task_names() if untwinned(task) == task]
+
+
 def fields_table(config: Any) -> str:
     """Return a table of all fields of a configuration, and of those inside it."""
     rows = (
@@ -40,8 +45,8 @@ def fields_table(config: Any) -> str:
 
 
 def _value(value: object) -> str:
-    """Return a default as code; a long list by its beginning."""
-    text = str(value)
+    """Return a default as code: a number by six digits, a long list by its beginning."""
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
     return code_cell(text if len(text) <= 60 else f"{text[:57]}…")
 
 
@@ -53,7 +58,7 @@ def _tasks() -> str:
         "TASK` prints them as a file. Lengths are in metres, times in seconds, angles in radians "
         "unless a field says otherwise. [Environments](../environments.md) tells what they do.\n",
     ]
-    for task in task_names():
+    for task in own_tasks():
         parts += [f"## {task}\n", fields_table(config_kind(task)())]
     return "\n".join(parts)
 

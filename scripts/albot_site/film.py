@@ -16,7 +16,7 @@ from albot_core.files import atomic_write
 
 assert albot_env.__doc__  # Importing it registers the environments.
 
-_WIDTH, _COLOURS = 800, 48
+_WIDTH, _COLOURS = 800, 64
 
 
 def film(path: Path, *, world: str, seed: int, steps: int, every: int) -> int:
@@ -45,7 +45,8 @@ def film(path: Path, *, world: str, seed: int, steps: int, every: int) -> int:
         if terminated or truncated:
             break
     env.close()
-    palette = pictures[-1].quantize(_COLOURS)
+    # An octree keeps the colours of thin lines, which the median cut takes for grey.
+    palette = pictures[-1].quantize(_COLOURS, Image.Quantize.FASTOCTREE)
     drawn = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     stay = [80] * (len(drawn) - 1) + [2500]
     with atomic_write(path) as stream:

@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image
 
 from albot_agents.registry import agent_names, find_agent
-from albot_agents.task import short_name, task_names
+from albot_agents.task import short_name
 from albot_cli.group import albot
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -21,6 +21,7 @@ from albot_core.files import atomic_write
 from albot_core.mappers.registry import MAPPERS
 from albot_maps.generators.spec import KINDS
 from albot_maps.load import catalogue_names
+from albot_site.configurations import own_tasks
 from albot_site.sources import ROOT
 
 FOLDER = ROOT / "docs/gallery"
@@ -51,7 +52,7 @@ class Shot:
 
 def shots() -> Iterator[Shot]:
     """Yield all pictures in their order."""
-    for task in task_names():
+    for task in own_tasks():
         name = short_name(task)
         command = f"albot play {name} --headless --steps {_STEPS.get(name, 3000)}"
         yield Shot(group="Tasks", name=name, text=f"`{task}`", command=command)
