@@ -16,6 +16,7 @@ from PIL import Image
 
 from albot_agents.registry import agent_names
 from albot_agents.task import config_kind, task_names
+from albot_agents.training.plan_file import read_plan
 from albot_cli.config import parameter_rows
 from albot_cli.group import SUBCOMMANDS, albot
 from albot_core.errors import InputError
@@ -193,3 +194,11 @@ def test_each_document_is_in_the_navigation() -> None:
         if path.name != "report.md"
     }
     assert pages <= named
+
+
+def test_the_plan_of_the_first_training_is_a_plan(tmp_path: Path) -> None:
+    page = (ROOT / "docs/start/training.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    path = tmp_path / "first.yml"
+    path.write_text(text)
+    assert read_plan(path).n_timesteps == 16384
