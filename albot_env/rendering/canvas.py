@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import pygame
@@ -33,12 +34,21 @@ LEGEND_HEIGHT = 18
 BAR_HEIGHT = 4
 SWATCH = 18
 """Width of the colour patches in a legend (pixels)."""
+_PIXELS = np.array(((0.5, 0.5), (1.5, 0.5), (0.5, 1.5)))
+"""The middle of the first pixel, of the one on its right and of the one below."""
+_RAMP = np.linspace(FREE, OCCUPIED, 256).astype(np.uint32)
+"""Colours of the cells of a grid, from free to occupied."""
 
 
-def _font(size: int) -> pygame.font.Font:
-    """Return a new font each time: `pygame.quit()` would invalidate a cached one."""
+@lru_cache(maxsize=1024)
+def _text(text: str, size: int, colour: Colour) -> pygame.Surface:
+    """Return a line of text as a picture, which must not be changed: others draw it again.
+
+    Titles, legends and most names of places are the same in each frame of an episode. The pictures
+    are kept and not the font, which `pygame.quit()` would invalidate.
+    """
     pygame.font.init()
-    return pygame.font.Font(None, size)
+    return pygame.font.Font(None, size).render(text, True, colour)
 
 
 class _View:
@@ -100,13 +110,14 @@ def _write(
     canvas: pygame.Surface, text: str, at: tuple[int, int], colour: Colour, width: int
 ) -> None:
     """Write a line of text, in a smaller font if it is wider than `width` (pixels)."""
-    size = next((size for size in (20, 18, 16, 14) if _font(size).size(text)[0] <= width), 14)
-    canvas.blit(_font(size).render(text, True, colour), at)
+    written = (_text(text, size, colour) for size in (20, 18, 16, 14))
+    fitting = next((line for line in written if line.get_width() <= width), None)
+    canvas.blit(_text(text, 14, colour) if fitting is None else fitting, at)
 
 
 def _paint_panel(panel: Panel, canvas: pygame.Surface, area: pygame.Rect) -> None:
     pygame.draw.rect(canvas, PANEL, area, border_radius=6)
-    canvas.blit(_font(22).render(panel.title, True, TEXT), (area.x + 12, area.y + 8))
+    canvas.blit(_text(panel.title, 22, TEXT), (area.x + 12, area.y + 8))
     entries = legend_places(panel, area)
     drawn = area.inflate(-2 * MARGIN, 0)
     drawn.top, drawn.height = area.top + TITLE_HEIGHT, area.height - TITLE_HEIGHT - MARGIN // 2
@@ -126,18 +137,17 @@ def _paint_panel(panel: Panel, canvas: pygame.Surface, area: pygame.Rect) -> Non
             swatch = swatch.inflate(swatch.height - swatch.width, 0)
         ring, corner = 2 if shape.kind == "home" else 0, 0 if shape.kind in ("grid", "cells") else 5
         pygame.draw.rect(canvas, colour, swatch, ring, corner)
-        label = _font(18).render(shape.label, True, TEXT)
-        canvas.blit(label, (place.left + SWATCH + 5, place.top + 1))
+        canvas.blit(_text(shape.label, 18, TEXT), (place.left + SWATCH + 5, place.top + 1))
     canvas.set_clip(None)
     _paint_scale(canvas, panel, view, area)
 
 
 def legend_places(panel: Panel, area: pygame.Rect) -> list[tuple[Shape, pygame.Rect]]:
     """Return the place of each shape in the legend: rows, left to right, at a panel's foot."""
-    font, rows = _font(18), [[]]  # type: tuple[pygame.font.Font, list[list[tuple[Shape, int]]]]
+    rows: list[list[tuple[Shape, int]]] = [[]]
     left = room = area.width - 2 * MARGIN
     for shape in panel.shapes:
-        width = SWATCH + 5 + font.size(shape.label)[0] + 14
+        width = SWATCH + 5 + _text(shape.label, 18, TEXT).get_width() + 14
         if width > left and rows[-1]:
             rows.append([])
             left = room
@@ -157,7 +167,7 @@ def _paint_scale(canvas: pygame.Surface, panel: Panel, view: _View, area: pygame
     pixels = round(length * view.scale)
     right, y = area.right - 14, area.y + 20
     pygame.draw.line(canvas, FAINT, (right - pixels, y), (right, y), 2)
-    text = _font(18).render(f"{length:g} m", True, FAINT)
+    text = _text(f"{length:g} m", 18, FAINT)
     canvas.blit(text, (right - pixels - text.get_width() - 6, y - text.get_height() // 2))
 
 
@@ -188,12 +198,12 @@ def _marks(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
     for x, y in places:
         pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 5)
     for (x, y), name in zip(places, shape.names, strict=False):
-        label = _font(18).render(name, True, PALETTE[shape.style])
+        label = _text(name, 18, PALETTE[shape.style])
         canvas.blit(label, (x + 6, y - label.get_height()))
 
 
 def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
-    """Paint occupied cells light and free ones dark; unknown cells keep the panel's colour.
+    """Paint occupied cells light and free ones dark; unknown cells keep what is beneath.
 
     Each pixel of the box around the grid looks up the cell at its position.
     """
@@ -203,19 +213,23 @@ def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
     high = np.minimum(np.ceil(corners.max(axis=0)).astype(int), canvas.get_clip().bottomright)
     if (high <= low).any():
         return
-    columns, rows = np.meshgrid(*(np.arange(*span) for span in zip(low, high, strict=True)))
-    pixels = np.stack((columns, rows), axis=-1) + 0.5
-    places = transform_points(inverse(grid.origin), view.metres(pixels)) / grid.resolution
-    cells = np.floor(places).astype(int)
-    shape_of_grid = np.array(grid.occupancy.shape)[::-1]
-    inside = ((cells >= 0) & (cells < shape_of_grid)).all(axis=-1)
-    chances = np.full(inside.shape, np.nan)
-    chances[inside] = grid.occupancy[cells[inside][:, 1], cells[inside][:, 0]]
-    known = ~np.isnan(chances)
-    free, occupied = np.array(FREE, float), np.array(OCCUPIED, float)
-    drawn = free + np.nan_to_num(chances)[..., None] * (occupied - free)
-    area = pygame.surfarray.pixels3d(canvas)[low[0] : high[0], low[1] : high[1]]
-    area[known.T] = drawn.astype(np.uint8).swapaxes(0, 1)[known.T]
+    # The cell of a pixel is linear in its column and row, so that two sums give all.
+    towards = inverse(grid.origin)
+    corner, right, down = transform_points(towards, view.metres(low + _PIXELS)) / grid.resolution
+    columns, rows = (np.arange(count)[:, None] for count in high - low)
+    steps = columns * (right - corner), rows * (down - corner) + corner
+    x, y = (
+        np.floor(across[:, None] + along[None]).astype(np.int64)
+        for across, along in zip(*(step.T for step in steps), strict=True)
+    )
+    height, width = grid.occupancy.shape
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    chances = grid.occupancy[np.where(inside, y, 0), np.where(inside, x, 0)]
+    known = inside & ~np.isnan(chances)
+    levels = np.rint((len(_RAMP) - 1) * np.where(known, chances, 0.0)).astype(np.int64)
+    red, green, blue = (_RAMP << np.array(canvas.get_shifts()[:3], np.uint32)).T
+    area = pygame.surfarray.pixels2d(canvas)[low[0] : high[0], low[1] : high[1]]
+    np.copyto(area, (red | green | blue)[levels], where=known)
 
 
 def _cells(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
@@ -270,4 +284,11 @@ def paint_array(scene: Scene, size: tuple[int, int] = (1200, 640)) -> UInt8[np.n
     """
     canvas = pygame.Surface(size, depth=32)
     paint(scene, canvas)
-    return np.ascontiguousarray(pygame.surfarray.array3d(canvas).swapaxes(0, 1))
+    return pixels_of(canvas)
+
+
+def pixels_of(canvas: pygame.Surface) -> UInt8[np.ndarray, "h w 3"]:
+    """Return a canvas as rows of RGB pixels."""
+    width, height = canvas.get_size()
+    pixels = np.frombuffer(bytearray(pygame.image.tobytes(canvas, "RGB")), np.uint8)
+    return pixels.reshape(height, width, 3)
