@@ -16,6 +16,7 @@ from albot_agents.registry import make_agent
 from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_env.recording.episode import Recorder
 
 HORIZON = 200
 """Driven distance over which coverage is measured (m)."""
@@ -68,17 +69,22 @@ class Outcome:
         return area_under(self.coverage_curve) if len(self.coverage_curve) else None
 
 
-def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> Outcome:
+def run_trial(
+    trial: Trial,
+    on_step: Callable[[int], None] = lambda _: None,
+    recorder: Recorder | None = None,
+) -> Outcome:
     """Run an episode to its end.
 
     Args:
         trial: The episode.
         on_step: Called before each step with its number.
+        recorder: Records the episode, and is closed at its end.
 
     Raises:
         InputError: There is no such world, mapper or sensor.
     """
-    env = trial.make()
+    env = trial.make() if recorder is None else trial.make_recorded(recorder)
     try:
         configs = EnvironmentConfigs.of(env)
         agent = make_agent(trial.agent, configs)
