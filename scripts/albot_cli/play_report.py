@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from albot_cli.evaluate import recall_text
+from albot_cli.evaluation_text import recall_text
 from albot_cli.outputs import FigureFile
 from albot_core.counts import many
 from albot_env.rendering.frame import lengths_text
