@@ -29,7 +29,7 @@ from albot_core.errors import InputError
 from albot_env.recording.episode import FirstEpisode, NullRecorder
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from tests.cli.test_evaluate import Albot, _inline, run
+from tests.cli.test_evaluate import Albot, run
 from tests.cli.test_play import _environment
 from tests.env import quick
 
@@ -57,10 +57,9 @@ class Page(HTMLParser):
 
 
 def test_failures_are_kept_listed_and_played_again(
-    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: None
 ) -> None:
     """The oracle succeeds unless the time is too short: in two of three episodes."""
-    monkeypatch.setattr(workers, "run_parallel", _inline)
     words = (*WORDS, "--agent", "oracle", "--seeds", "3..5", "--steps", "228")
     status, out, err = run(*words, "--record", str(tmp_path / "kept"), "--only", "failures")
     assert (status, err) == (0, "")
@@ -99,9 +98,8 @@ def test_failures_are_kept_listed_and_played_again(
 
 
 def test_failures_stand_first_and_all_are_there(
-    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Albot, tmp_path: Path, in_process: None
 ) -> None:
-    monkeypatch.setattr(workers, "run_parallel", _inline)
     words = (*WORDS, "--agent", "oracle", "--against", "random", "--seeds", "3", "--steps", "230")
     status, out, _ = run(*words, "--record", str(tmp_path))
     assert status == 0
