@@ -123,3 +123,33 @@ class NullRecorder:
 
     def close(self) -> None:
         """Do nothing."""
+
+
+class FirstEpisode:
+    """Passes the first episode on to a recorder, and ignores those that follow.
+
+    A batch begins another episode wherever one is over, but a file holds one.
+
+    Args:
+        recorder: Records the first episode.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder, self._episodes = recorder, 0
+
+    def begin(self, header: EpisodeHeader) -> None:
+        """Begin the first episode; at the next one, end it."""
+        self._episodes += 1
+        if self._episodes == 1:
+            self._recorder.begin(header)
+        elif self._episodes == 2:
+            self._recorder.close()
+
+    def add(self, moment: Moment) -> None:
+        """Record the next moment of the first episode."""
+        if self._episodes == 1:
+            self._recorder.add(moment)
+
+    def close(self) -> None:
+        """End the episode; a second call does nothing."""
+        self._recorder.close()

@@ -30,6 +30,7 @@ PARTS = (
     "processes",
     "learner",
     "generator",
+    "painting",
     "startup",
     "ratslam",
     "slam",
@@ -69,7 +70,7 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Measure speed: laser, mappers, environments, a learner, random worlds, other simulators.
+    """Measure speed: laser, mappers, environments, pictures, a learner, worlds, other simulators.
 
     The part `views` compares distances between the views that `albot1` takes in. The part `journey`
     leads a mapper 10 km through a building, to see whether it slows down.
@@ -127,6 +128,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.learner import measure_learner
     from albot_benchmarks.long_run import measure_long_run
     from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
+    from albot_benchmarks.painting import measure_painting
     from albot_benchmarks.peers import measure_peers
     from albot_benchmarks.ratslam import measure_ratslam
     from albot_benchmarks.slam import measure_slam
@@ -148,6 +150,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
         "processes": measure_processes,
         "learner": measure_learner,
         "generator": measure_generators,
+        "painting": measure_painting,
         "startup": measure_startup,
         "ratslam": measure_ratslam,
         "slam": lambda: measure_slam(readings),
@@ -180,6 +183,7 @@ def as_text(figures: Figures) -> str:
     lines += map(_processes, filter(None, [figures["processes"]]))
     lines += _learner(figures["learner"])
     lines += map(_generator, figures["generator"])
+    lines += map(_painting, figures.get("painting", ()))
     lines += map(_ratslam, figures.get("ratslam", ()))
     lines += map(_slam, figures.get("slam", ()))
     lines += map(_peer, figures.get("peers", ()))
@@ -276,6 +280,14 @@ def _generator(row: Figures) -> str:
     return (
         f"generator   {row['walls']:7,.0f} walls     {row['worlds_per_second']:8,.0f} worlds/s    "
         f"{row['kind']}"
+    )
+
+
+def _painting(row: Figures) -> str:
+    return (
+        f"painting    {row['width']:4d} × {row['height']:4d}     {row['frames_per_second']:8,.0f} "
+        f"pictures/s ({row['frames_per_cpu_second']:,.0f} per second of CPU time), each "
+        f"{row['ratio']:.1f} times an empty one: {row['id']} with {row['mapper']}"
     )
 
 

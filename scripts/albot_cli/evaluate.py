@@ -6,8 +6,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Mapping
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,20 +16,22 @@ import click
 from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
 from albot_cli.count_type import CountType
+from albot_cli.evaluation_text import evaluation_text
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
-from albot_core.counts import many
 from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
+from albot_core.files import new_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from albot_agents.evaluation.plan import Trial
+    from albot_agents.evaluation.recordings import Recordings
     from albot_agents.evaluation.trial import Outcome
 
 _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv"
@@ -91,6 +92,17 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     help="Folder for evaluation.json, episodes.csv (a row an episode) and, of tasks that can "
     "succeed, a picture of the failures if there are any.",
 )
+@click.option(
+    "--record",
+    type=PathType(file_okay=False),
+    help="Folder for the episodes: the file and the page of each, and index.html, which lists "
+    "them with pictures, failures first.",
+)
+@click.option(
+    "--only",
+    type=click.Choice(["failures", "successes"]),
+    help="Keep only these of the recorded episodes.",
+)
 @figure_options("the failures")
 @FORCE
 @JSON
@@ -109,6 +121,8 @@ def command(
     steps: int | None,
     jobs: int | None,
     out: Path | None,
+    record: Path | None,
+    only: str | None,
     figure: FigureFile | None,
     force: bool,
     as_json: bool,
@@ -126,6 +140,7 @@ def command(
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import check_agent, find_agent
     from albot_agents.task import find_task, own_world
+    from albot_cli.evaluation_recordings import plan_recordings, write_index
 
     task = find_task(task)
     worlds = worlds or (own_world(task) or "random:office",)
@@ -148,29 +163,33 @@ def command(
     chosen = {name: _settings(task, name, settings, mapper_config) for name in agents}
     for name, (its, untrained) in chosen.items():
         trials.append(plan_trials(task, name, worlds, parse_seeds(seeds), its))
-        trials[-1][0].make().close()  # Invalid settings raise before the work begins.
+        # Invalid settings raise before the work begins.
+        with closing(trials[-1][0].make()) as env:
+            judges_success = env.get_wrapper_attr("judges_success")
         for setting in untrained:
             click.echo(f"albot: {name} was not trained with {setting}", err=True)
     check_same_episodes({name: some[0] for name, some in zip(agents, trials, strict=True)})
+    recordings = plan_recordings(record, only, trials, judges_success, force)
     its, untrained = chosen[agent]
     began = time.perf_counter()
-    outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
+    with new_folder(record) if record is not None else nullcontext():
+        outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1, recordings)
     facts: dict[str, Any] = {"task": task, "agent": agent}
     facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
-    facts["config"] = None if config is None else str(config)
-    facts["untrained"] = untrained
+    facts |= {"config": None if config is None else str(config), "untrained": untrained}
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
     facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
+    facts |= write_index(recordings, facts, outcomes)
     drawn = _failures(facts, outcomes) if out is not None or figure is not None else None
     if drawn is not None and figure is not None:
         facts["files"]["figure"] = str(figure.save(drawn))
     if out is not None:
         files = {"--mapper-config": mapper_config, "--config": config}
         _save(out, facts, outcomes, files, drawn)
-    click.echo(json.dumps(facts) if as_json else _as_text(facts))
+    click.echo(json.dumps(facts) if as_json else evaluation_text(facts))
     return STOPPED if stopped else 0
 
 
@@ -222,12 +241,16 @@ def way_out(task: str, text: str, config: Any = None) -> Any:
     return replace(config, outing=outing)
 
 
-def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], bool]:
+def _run(
+    trials: list[list[Trial]], jobs: int, recordings: Recordings | None = None
+) -> tuple[list[list[Outcome]], bool]:
     """Run the trials of all agents in turn, so that a stopped run has the same episodes of each.
 
     Args:
         trials: The trials of each agent, all in the same order.
         jobs: Number of processes.
+        recordings: Where the episodes are recorded; of those that have not ended with all agents,
+            nothing is left there.
 
     Returns:
         The outcomes of each agent, in the order of the trials, for the trials that have ended with
@@ -235,12 +258,13 @@ def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], boo
     """
     from albot_agents.evaluation.trial import TrialRunner
     from albot_agents.workers import run_parallel
+    from albot_cli.evaluation_recordings import remove_recordings
 
     done: dict[tuple[str, int], Outcome] = {}
     stopped = False
     numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials[0])}
     all_trials = [trial for paired in zip(*trials, strict=True) for trial in paired]
-    results = run_parallel(TrialRunner(), all_trials, min(jobs, len(all_trials)))
+    results = run_parallel(TrialRunner(recordings), all_trials, min(jobs, len(all_trials)))
     try:
         with progress("evaluate", len(all_trials), "episodes") as update, closing(results):
             for outcome in results:
@@ -251,8 +275,14 @@ def _run(trials: list[list[Trial]], jobs: int) -> tuple[list[list[Outcome]], boo
                 update(len(done))
     except KeyboardInterrupt:
         stopped = True
+    except (InputError, RuntimeError):
+        remove_recordings(recordings, all_trials)
+        raise
     agents = [some[0].agent for some in trials]
     ended = [k for k in range(len(trials[0])) if all((agent, k) in done for agent in agents)]
+    remove_recordings(
+        recordings, [some[k] for some in trials for k in range(len(some)) if k not in ended]
+    )
     return [[done[agent, k] for k in ended] for agent in agents], stopped
 
 
@@ -314,79 +344,3 @@ def _save(
         episodes = [outcome for some in outcomes for outcome in some]
         write_text(scratch / _EPISODES, episodes_csv(episodes, options))
         write_text(scratch / _FIGURES, json.dumps(facts, indent=1))
-
-
-def _as_text(facts: dict[str, Any]) -> str:
-    """Return the figures as text."""
-    lines = [
-        f"{facts['agent']} in {facts['task']}, {many(facts['episodes'], 'episode')}, mapper "
-        f"{facts['mapper']}, odometer {facts['odometer']}, {facts['seconds']:.0f} s"
-        + (", stopped before the end" if facts["stopped"] else "")
-    ]
-    if facts["success_rate"] is not None:
-        low, high = facts["ci95"]
-        lines.append(f"  success   {facts['success_rate']:.0%}  (95 %: {low:.0%} to {high:.0%})")
-    if facts["spl"] is not None:
-        spl_low, spl_high = facts["spl_ci95"]
-        lines.append(
-            f"  SPL       {facts['spl']:.2f}  (95 %: {spl_low:.2f} to {spl_high:.2f}), "
-            f"median {facts['spl_median']:.2f}, soft {facts['soft_spl']:.2f}"
-        )
-    if facts["mean_final_distance_m"] is not None:
-        began = facts["mean_initial_distance_m"]
-        lines.append(
-            f"  from home {facts['mean_final_distance_m']:.1f} m at the end"
-            + ("" if began is None else f", {began:.1f} m at the beginning")
-        )
-    if facts["revisits"] is not None:
-        lines.append(f"  places    {recall_text(facts)}")
-    if facts["mean_coverage"] is not None:
-        lines.append(
-            f"  covered   {facts['mean_coverage']:.0%} of the ground; "
-            f"{facts['collisions_per_m'] or 0:.3f} collisions a metre"
-        )
-    if facts["coverage_auc"] is not None:
-        low, high = facts["coverage_auc_ci95"]
-        far, all_of = facts["coverage_episodes"], facts["episodes"]
-        lines.append(
-            f"  exploring {facts['coverage_auc']:.3f} covered on average over the first 200 m  "
-            f"(95 %: {low:.3f} to {high:.3f})"
-            + ("" if far == all_of else f", which {far} of {many(all_of, 'episode')} drove")
-        )
-    elif facts["mean_coverage"] is not None:
-        lines.append("  exploring nothing to average: no episode drove 200 m")
-    if facts["rooms_share"] is not None:
-        low, high = facts["rooms_share_ci95"]
-        lines.append(
-            f"  rooms     {facts['rooms_share']:.0%} entered  (95 %: {low:.0%} to {high:.0%})"
-        )
-    if facts["against"] is not None:
-        lines += _differences(facts["against"])
-    lines += [f"  {name:<9} {path}" for name, path in facts["files"].items()]
-    return "\n".join(lines)
-
-
-def recall_text(facts: Mapping[str, Any]) -> str:
-    """Return recall and precision of place recognition as text."""
-    recall, precision = (
-        "–" if facts[name] is None else f"{facts[name]:.3f}" for name in ("recall", "precision")
-    )
-    if not facts["revisits"]:
-        claims = "" if facts["precision"] is None else f"; precision {precision}"
-        return f"no recall: no place was seen again{claims}"
-    return f"recall {recall} at precision {precision}, of {facts['revisits']} seen again"
-
-
-def _differences(against: dict[str, Any]) -> list[str]:
-    """Return the differences from the other agent as lines of text."""
-    from albot_agents.evaluation.paired import FIGURES
-
-    lines = [f"  less {against['agent']}, mapper {against['mapper']}, in the same episodes:"]
-    for name, found in against["differences"].items():
-        low, high = found["ci95"]
-        lines.append(
-            f"    {FIGURES[name]:<19}{found['mean']:+.3f}  (95 %: {low:+.3f} to {high:+.3f}); "
-            f"larger in {found['larger']}, smaller in {found['smaller']}, "
-            f"equal in {found['equal']}"
-        )
-    return lines

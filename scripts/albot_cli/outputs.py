@@ -28,7 +28,7 @@ JSON = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object, and show no progress."
 )
 """The option of every command whose results a program may read."""
-_OTHER_FILES = ("png", "record", "out")
+_OTHER_FILES = ("png", "record", "out", "video")
 """Options that name other files that a command writes."""
 _DPIS = (50, 600)
 """Fewest and most dots an inch of a figure."""

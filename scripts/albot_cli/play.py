@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import count
 from math import isnan
 from pathlib import Path
@@ -15,10 +16,10 @@ import click
 from click.core import ParameterSource
 
 from albot_cli import completion
-from albot_cli.config import config_option, read_task_config
+from albot_cli.config import config_option
 from albot_cli.count_type import CountType
-from albot_cli.evaluate import recall_text, way_out
-from albot_cli.mappers import mapper_config_option, read_robots_config
+from albot_cli.grid_type import Grid, GridType
+from albot_cli.mappers import mapper_config_option
 from albot_cli.outputs import (
     FORCE,
     JSON,
@@ -30,25 +31,16 @@ from albot_cli.outputs import (
     save_both,
 )
 from albot_cli.path_type import PathType
+from albot_cli.play_report import episode_summary, episode_text, file_names
+from albot_cli.play_setup import choose_agent, environment_settings
 from albot_cli.robots import robot_option
-from albot_core.counts import many
 from albot_core.errors import InputError
-from albot_env.rendering.frame import Frame, lengths_text
+from albot_env.rendering.frame import Frame
 
 if TYPE_CHECKING:
-    from albot_agents.registry import AgentEntry
     from albot_cli.episodes import PlayedEpisode
+    from albot_cli.watch import StepCallback
 
-AGENTS = {
-    "Albot/Explore-v0": "gap-explorer",
-    "Albot/Homing-v0": "albot1-homing",
-    "Albot/HomingByMap-v0": "patch-homing",
-    "Albot/ExploreAndHome-v1": "round-trip",
-    "Albot/PlaceRecognition-v0": "place-judge",
-}
-"""The default agent of each task."""
-PROBED = "albot1-homing"
-"""The default agent of the probes."""
 SUFFIX = ".mcap"
 """Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
 PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
@@ -63,10 +55,13 @@ RUN_ONLY = (
     "steps",
     "outward",
     "record",
+    "grid",
     "no_movables",
     *PRESETS,
 )
 """Options that are not allowed for a recorded episode, because it fixes them."""
+SPEED = 10.0
+"""How many times faster than real time an episode is shown, and filmed, by default."""
 
 
 @click.command()
@@ -148,12 +143,24 @@ RUN_ONLY = (
     type=PathType(dir_okay=False),
     help="Also write a page that plays the episode: one file that any browser opens.",
 )
+@click.option(
+    "--video",
+    type=PathType(dir_okay=False),
+    help="Film the episode instead of showing it: .mp4 or .gif.",
+)
+@click.option(
+    "--grid",
+    type=GridType(),
+    help="Run as many episodes side by side, with the seeds from --seed on, as one mosaic for "
+    "--video and --png, such as 3x3; nothing is recorded. Of a world random:KIND each seed is one.",
+)
 @figure_options("truth and map")
 @FORCE
 @click.option(
     "--speed",
     type=click.FloatRange(min=0, min_open=True),
-    help="How many times faster than real time it is shown.  [default: 10; 1 for keyboard]",
+    help="How many times faster than real time it is shown, or filmed.  [default: 10; 1 for "
+    "keyboard]",
 )
 @click.option("--headless", is_flag=True, help="Show nothing but the progress line.")
 @JSON
@@ -165,6 +172,8 @@ def command(
     record: Path | None,
     png: Path | None,
     html: Path | None,
+    video: Path | None,
+    grid: Grid | None,
     figure: FigureFile | None,
     force: bool,
     as_json: bool,
@@ -175,30 +184,55 @@ def command(
     Or play back the recorded EPISODE, a file. Keys pause, step and change the speed, and seek in
     a recorded episode; a line below the picture names them. The last picture stays until q.
     """
-    options["headless"] = options["headless"] or as_json
+    options["headless"] = options["headless"] or as_json or video is not None
     if options["speed"] is not None and isnan(options["speed"]):
         raise InputError("--speed", "a number above 0", "nan")
+    _check_video(video, force)
     episode = _episode_file(what)
     if html is not None:
         check_suffix(html, ".html", option="--html")
         check_file(html, force=force)
-    if episode is None:
+    if episode is not None:
+        if png is not None:
+            _check_picture(png, episode, force)
+        _check_play_back(ctx)
+        speed, headless = options["speed"] or SPEED, options["headless"]
+        summary = _play_back(episode, png, figure, video, speed, headless)
+    elif grid is not None:
+        _check_grid(record, html, figure)
+        png = _free_names(record, png)[1] if video is None else png
+        check_png(png, force=force)
+        summary = _run_grid(what, grid, png=png, video=video, **options)
+    else:
         record, png = _free_names(record, png)
         check_suffix(record, SUFFIX, option="--record")
         _check_picture(png, record, force)
         check_file(record, force=force)
-        summary = _run(what, record=record, png=png, figure=figure, force=force, **options)
-    else:
-        if png is not None:
-            _check_picture(png, episode, force)
-        _check_play_back(ctx)
-        summary = _play_back(episode, png, figure, options["speed"] or 10.0, options["headless"])
+        files: dict[str, Any] = {"record": record, "png": png, "figure": figure, "video": video}
+        summary = _run(what, force=force, **files, **options)
     if html is not None:
         from albot_env.rendering.page import write_page
 
         write_page(Path(summary["files"]["episode"]), html)
         summary["files"]["page"] = str(html)
-    click.echo(json.dumps(summary) if as_json else _as_text(summary))
+    as_text = episode_text if grid is None else _grid_text
+    click.echo(json.dumps(summary) if as_json else as_text(summary))
+
+
+def _check_video(video: Path | None, force: bool) -> None:
+    """Raise InputError if there is a video that cannot be made or written."""
+    if video is not None:
+        from albot_cli.film import check_video
+
+        check_video(video, force=force)
+
+
+def _check_grid(record: Path | None, html: Path | None, figure: FigureFile | None) -> None:
+    """Raise InputError if an option was given that is for one episode alone."""
+    alone = {"--record": record, "--html": html, "--figure": figure and figure.path}
+    for option, value in alone.items():
+        if value is not None:
+            raise InputError(option, "no such option with --grid", str(value))
 
 
 def _episode_file(what: str | None) -> Path | None:
@@ -247,6 +281,7 @@ def _run(
     record: Path,
     png: Path,
     figure: FigureFile | None,
+    video: Path | None,
     force: bool,
     speed: float | None,
     headless: bool,
@@ -267,14 +302,15 @@ def _run(
     from albot_env.rendering.controls import Controls
     from albot_env.tasks.core.single import SingleEnv
 
-    task, agent, entry = _choose(task, agent)
+    task, agent, entry = choose_agent(task, agent)
     world = world or own_world(task) or "office-ring"
     if agent == Keyboard.name and headless:
-        raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
+        found = "--headless or --json" if video is None else "--video"
+        raise InputError("--agent keyboard", "a window or a terminal", found)
     if agent == Keyboard.name and not keys_expected():
         raise InputError("--agent keyboard", "a window or a terminal with keys", "neither")
     asked = {"world": world, "movables": not no_movables, "mapper": mapper, **presets}
-    settings = _settings(task, entry, asked, config, mapper_config, outward)
+    settings = environment_settings(task, entry, asked, config, mapper_config, outward)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
     driver = entry.make(EnvironmentConfigs.of(env))
     inside = env.unwrapped
@@ -282,7 +318,7 @@ def _run(
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
     drives = isinstance(driver, Keyboard)
     more = f"arrows drive · {enter_meaning(task)}" if drives else ""
-    controls = Controls(speed or (1.0 if drives else 10.0), recorded=False, more=more)
+    controls = Controls(speed or (1.0 if drives else SPEED), recorded=False, more=more)
     try:
         episode = RunningEpisode(env, driver, seed, steps=steps)
         title = f"{agent} in {world}"
@@ -298,13 +334,15 @@ def _run(
         ):
             if isinstance(driver, Keyboard):
                 driver.listen(viewer)
+            if video is not None:
+                _film(episode, video, controls.speed, update)
             watch(episode, viewer, controls, update=update, at_end=keep)
         info = episode.info
         return {
-            **_summary(episode),
+            **episode_summary(episode),
             "world": world,
             "seed": seed,
-            "files": _files(record, png, figure),
+            "files": file_names(record, png, figure, video),
             "coverage": info.get("coverage"),
             "rooms_entered": info.get("rooms_entered"),
             "success": info.get("is_success"),
@@ -314,47 +352,65 @@ def _run(
         env.close()
 
 
-def _settings(
-    task: str,
-    entry: AgentEntry,
-    asked: dict[str, Any],
-    config: Path | None,
+def _film(episode: PlayedEpisode, video: Path, speed: float, update: StepCallback) -> None:
+    """Film an episode to its end."""
+    from albot_cli.film import film
+    from albot_env.rendering.video import open_video
+    from albot_env.tasks.core.follower import painted
+
+    with open_video(video) as writer:
+        capture = lambda: partial(painted, episode.frame)  # noqa: E731
+        film(episode, writer, capture, speed=speed, update=update)
+
+
+def _run_grid(
+    task: str | None,
+    grid: Grid,
+    *,
+    world: str | None,
+    mapper: str | None,
     mapper_config: Path | None,
+    config: Path | None,
+    agent: str | None,
+    seed: int,
+    steps: int,
+    png: Path | None,
+    video: Path | None,
+    speed: float | None,
+    headless: bool,
+    no_movables: bool,
     outward: str | None,
+    **presets: str | None,
 ) -> dict[str, Any]:
-    """Return the settings of the environment; `asked` are those of options, None if not given."""
-    settings = {name: value for name, value in asked.items() if value is not None}
-    if config is not None:
-        settings["config"] = read_task_config(task, config)
-    if outward is not None:
-        settings["config"] = way_out(task, outward, settings.get("config"))
-    settings = entry.environment(task, settings)
-    if mapper_config is not None:
-        mapper = settings.get("mapper", entry.mapper)
-        settings["mapper_config"] = read_robots_config(mapper, mapper_config)
-    return settings
+    """Run several episodes side by side; return their summary."""
+    from albot_agents.task import own_world
+    from albot_cli.keyboard import Keyboard
+    from albot_cli.play_grid import play_grid
+
+    task, agent, entry = choose_agent(task, agent)
+    if agent == Keyboard.name:
+        raise InputError("--agent keyboard", "one episode", f"--grid {grid.columns}x{grid.rows}")
+    world = world or own_world(task) or "office-ring"
+    asked = {"world": world, "movables": not no_movables, "mapper": mapper, **presets}
+    settings = environment_settings(task, entry, asked, config, mapper_config, outward)
+    return play_grid(
+        task,
+        agent,
+        entry,
+        settings,
+        grid,
+        seed=seed,
+        steps=steps,
+        png=png,
+        video=video,
+        speed=speed or SPEED,
+    )
 
 
-def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
-    """Return the id of a task, and the name and entry of its agent.
+def _grid_text(summary: dict[str, Any]) -> str:
+    from albot_cli.play_grid import grid_text
 
-    Raises:
-        InputError: There is no such task or agent, or the agent is not for the task.
-    """
-    from albot_agents.registry import agent_names, find_agent
-    from albot_agents.task import find_task, is_probe, untwinned
-    from albot_cli.keyboard import KEYBOARD, Keyboard
-
-    task = None if task is None else find_task(task)
-    if agent is None:
-        agent = PROBED if task and is_probe(task) else AGENTS[untwinned(task or next(iter(AGENTS)))]
-    entry = KEYBOARD if agent == Keyboard.name else find_agent(agent)
-    task = task or entry.tasks[0]
-    if not entry.attempts(task):
-        names = (*agent_names(task), *([Keyboard.name] if KEYBOARD.attempts(task) else []))
-        found = f"{agent}, which is for {' and '.join(entry.tasks)}"
-        raise InputError("--agent", f"one for {task}: {', '.join(names)}", found)
-    return task, agent, entry
+    return grid_text(summary)
 
 
 @contextmanager
@@ -368,7 +424,12 @@ def _report_partial_recording(record: Path) -> Iterator[None]:
 
 
 def _play_back(
-    episode: Path, png: Path | None, figure: FigureFile | None, speed: float, headless: bool
+    episode: Path,
+    png: Path | None,
+    figure: FigureFile | None,
+    video: Path | None,
+    speed: float,
+    headless: bool,
 ) -> dict[str, Any]:
     """Play an episode back and return its summary."""
     from albot_cli.episodes import RecordedEpisode
@@ -379,6 +440,8 @@ def _play_back(
     reader = recorded.reader
     controls = Controls(speed, recorded=True)
     with open_viewer(f"{episode}", recorded.steps, headless=headless) as (viewer, update):
+        if video is not None:
+            _film(recorded, video, speed, update)
         watch(recorded, viewer, controls, update=update)
     if reader.torn:
         warning = f"{episode}: never closed, ends early; played up to its last complete chunk"
@@ -386,9 +449,9 @@ def _play_back(
     if png is not None or figure is not None:
         _save_picture(recorded.frame, png, figure)
     return {
-        **_summary(recorded),
+        **episode_summary(recorded),
         "seed": reader.header.seed,
-        "files": _files(episode, png, figure),
+        "files": file_names(episode, png, figure, video),
         "coverage": None,
         "rooms_entered": len(recorded.rooms),
         "success": None,
@@ -397,61 +460,8 @@ def _play_back(
     }
 
 
-def _summary(episode: PlayedEpisode) -> dict[str, Any]:
-    """Return the summary of an episode, from its last frame."""
-    frame = episode.frame
-    return {
-        "task": frame.environment,
-        "world": frame.world,
-        "agent": frame.agent,
-        "mapper": frame.mapper,
-        "steps": episode.step,
-        "path_m": frame.path_length,
-        "driven_m": frame.driven,
-        "way_out_m": frame.way_out_length,
-        "updates": frame.updates,
-        "surfaces": len(frame.snapshot.segments),
-        "position_error_m": frame.position_error,
-        "simulated_s": frame.time,
-        "reward": sum(frame.terms.values()),
-        "steps_in_contact": episode.contacts,
-    }
-
-
-def _files(episode: Path, png: Path | None, figure: FigureFile | None) -> dict[str, str | None]:
-    """Return the paths by kind of file, with that of a figure only if it was asked for."""
-    files = {"episode": str(episode), "picture": None if png is None else str(png)}
-    return files if figure is None else {**files, "figure": str(figure.path)}
-
-
 def _save_picture(frame: Frame, png: Path | None, figure: FigureFile | None) -> None:
     """Save the picture; matplotlib is loaded only here."""
     from albot_env.rendering.picture import episode_figure
 
     save_both(episode_figure(frame), png, figure)
-
-
-def _as_text(summary: dict[str, Any]) -> str:
-    """Return the summary as text."""
-    rooms, covered, success = (summary[key] for key in ("rooms_entered", "coverage", "success"))
-    figures = [
-        lengths_text(summary["driven_m"], summary["way_out_m"]),
-        many(summary["updates"], "update"),
-        *([many(summary["surfaces"], "surface")] if summary["surfaces"] else []),
-        f"{summary['position_error_m']:.2f} m off",
-        *([] if rooms is None else [f"{many(rooms, 'room')} entered"]),
-        *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
-        f"reward {summary['reward']:.2f}",
-        *([] if summary["revisits"] is None else [recall_text(summary)]),
-        *([] if success is None else ["a success" if success else "no success"]),
-    ]
-    lines = [
-        f"{summary['agent']} at {summary['task']} in {summary['world']} with {summary['mapper']}, "
-        f"seed {summary['seed']}, {many(summary['steps'], 'step')}, "
-        f"{summary['simulated_s']:.0f} s:",
-        f"  {' · '.join(figures)}",
-        f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
-    ]
-    drawn = {kind: summary["files"].get(kind) for kind in ("picture", "figure", "page")}
-    lines += [f"  {kind:<7}  {path}" for kind, path in drawn.items() if path]
-    return "\n".join(lines)

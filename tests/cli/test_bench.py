@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_benchmarks import environment, laser, learner, mapper, ratslam, slam
+from albot_benchmarks import environment, laser, learner, mapper, painting, ratslam, slam
 from albot_benchmarks import environment as processes
 from albot_benchmarks.albot0 import measure_splitting
 from albot_benchmarks.environment import Case
@@ -43,6 +43,7 @@ def hurried() -> Iterator[None]:
         (environment, "measure_environments", {"cases": (tiny, Case(mapper="odometry", steps=3))}),
         (processes, "measure_processes", {"case": tiny, "seconds": 0.05}),
         (learner, "measure_learner", {"num_envs": 4, "steps": 2}),
+        (painting, "measure_painting", {"mappers": ("odometry",), "steps": 3}),
     ):
         rounds = "rollouts" if module is learner else "rounds"
         if module is not laser:
@@ -108,6 +109,17 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     starts = [line.split()[0] for line in lines[1:]]
     assert starts == ["environment"] * len(rows) + ["processes"] + ["learner"] * 7
     assert lines[0].startswith(f"{figures['machine']['processor']}, Python")
+
+
+def test_pictures_have_their_keys_and_lines() -> None:
+    figures: Any = bench("--part", "painting")
+    (row,) = figures["painting"]
+    assert (row["mapper"], row["width"], row["height"]) == ("odometry", 800, 600)
+    assert min(row["frames_per_second"], row["frames_per_cpu_second"]) > 0
+    assert row["ratio"] > 1  # An empty picture takes no longer.
+    row |= {"frames_per_second": 240.2, "frames_per_cpu_second": 251.0, "ratio": 4.04}
+    expected = "240 pictures/s (251 per second of CPU time), each 4.0 times an empty one: "
+    assert as_text(figures).endswith(f"{expected}Albot/Explore-v0 with odometry")
 
 
 def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None:

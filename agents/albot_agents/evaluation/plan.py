@@ -14,6 +14,7 @@ import gymnasium
 import albot_env
 from albot_core.errors import InputError
 from albot_core.robot import DEFAULT_ROBOT, choose_robot
+from albot_env.recording.episode import Recorder
 from albot_maps import World, load_world
 from albot_maps.generators.spec import PREFIX, seeded
 
@@ -43,6 +44,20 @@ class Trial:
         """
         settings = {"world": self.loaded_world, **self.settings}
         return gymnasium.make(self.task, disable_env_checker=True, **settings)
+
+    def make_recorded(self, recorder: Recorder) -> gymnasium.Env[Any, Any]:
+        """Make its environment with a recorder.
+
+        The recording names the world by its spec, so that the episode can be made again.
+
+        Raises:
+            InputError: As `make`.
+        """
+        settings = {"world": self.world, **self.settings}
+        env = gymnasium.make(self.task, disable_env_checker=True, **settings)
+        inside: Any = env.unwrapped
+        inside.recorder, inside.agent = recorder, self.agent
+        return env
 
     @property
     def loaded_world(self) -> World:

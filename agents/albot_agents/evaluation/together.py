@@ -18,6 +18,7 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import EpisodeLog, Outcome
 from albot_agents.registry import make_agent
 from albot_agents.task import batch_settings
+from albot_env.recording.episode import FirstEpisode, Recorder
 
 
 def can_run_together(task: str) -> bool:
@@ -31,19 +32,25 @@ def can_run_together(task: str) -> bool:
 
 
 def run_together(
-    trials: Sequence[Trial], on_step: Callable[[int], None] = lambda _: None
+    trials: Sequence[Trial],
+    on_step: Callable[[int], None] = lambda _: None,
+    recorders: Sequence[Recorder] = (),
 ) -> list[Outcome]:
     """Run episodes of one agent, with the same settings, to their ends; as `run_trial` does each.
 
     Args:
         trials: The episodes.
         on_step: Called before each step with its number.
+        recorders: A recorder for each episode, which is closed at its end; none by default.
 
     Raises:
         InputError: There is no such world, mapper or sensor.
     """
     batch = _make_batch(trials)
     try:
+        if recorders:
+            batch.unwrapped.set_attr("recorder", [FirstEpisode(each) for each in recorders])
+            batch.unwrapped.set_attr("agent", [trial.agent for trial in trials])
         agents = [_make_agent(batch, trial) for trial in trials]
         on_step(0)
         observations, infos = batch.reset(seed=[trial.seed for trial in trials])

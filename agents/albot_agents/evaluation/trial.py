@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,12 @@ from jaxtyping import Float64
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.evaluation.map_figures import MapFigures
 from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.recordings import Recording, Recordings
 from albot_agents.registry import make_agent
 from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_env.recording.episode import Recorder
 
 HORIZON = 200
 """Driven distance over which coverage is measured (m)."""
@@ -41,6 +43,8 @@ class Outcome:
     """Number of rooms that the robot can reach."""
     coverage_curve: Float64[np.ndarray, "samples"] = field(default_factory=lambda: np.empty(0))
     """The share of the ground covered after each metre of the path (`sample_curve`)."""
+    recording: Recording | None = None
+    """Its files; None if it was not recorded, or not kept."""
 
     @property
     def agent(self) -> str:
@@ -68,17 +72,22 @@ class Outcome:
         return area_under(self.coverage_curve) if len(self.coverage_curve) else None
 
 
-def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> Outcome:
+def run_trial(
+    trial: Trial,
+    on_step: Callable[[int], None] = lambda _: None,
+    recorder: Recorder | None = None,
+) -> Outcome:
     """Run an episode to its end.
 
     Args:
         trial: The episode.
         on_step: Called before each step with its number.
+        recorder: Records the episode, and is closed at its end.
 
     Raises:
         InputError: There is no such world, mapper or sensor.
     """
-    env = trial.make()
+    env = trial.make() if recorder is None else trial.make_recorded(recorder)
     try:
         configs = EnvironmentConfigs.of(env)
         agent = make_agent(trial.agent, configs)
@@ -187,12 +196,22 @@ def area_under(curve: Float64[np.ndarray, "samples"]) -> float:
 
 
 class TrialRunner(TaskRunner[Trial, "Outcome | InputError"]):
-    """Runs trials; an InputError is returned as the result."""
+    """Runs trials; an InputError is returned as the result.
+
+    Args:
+        recordings: Where the episodes are recorded; None if they are not.
+    """
+
+    def __init__(self, recordings: Recordings | None = None) -> None:
+        self._recordings = recordings
 
     def run(self, task: Trial, on_step: Callable[[int], None]) -> Outcome | InputError:
         """Run a trial."""
         try:
-            return run_trial(task, on_step)
+            if self._recordings is None:
+                return run_trial(task, on_step)
+            outcome = run_trial(task, on_step, self._recordings.recorder(task))
+            return replace(outcome, recording=self._recordings.keep(task, outcome.info))
         except InputError as error:
             return error
 

@@ -11,6 +11,7 @@ from jaxtyping import UInt8
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.robot import RobotConfig
+from albot_env.recording.episode import Recorder
 from albot_env.tasks.core.episode_state import EpisodeState
 from albot_env.tasks.core.observation import ObservationConfig
 
@@ -26,7 +27,7 @@ class BatchMember:
         index: Number of the environment.
     """
 
-    SETTABLE = ("np_random",)
+    SETTABLE = ("agent", "np_random", "recorder")
     """The attributes that can be set."""
 
     def __init__(self, batch: VectorEnv[Any], index: int) -> None:
@@ -89,6 +90,30 @@ class BatchMember:
             found, environment = repr(generator)[:80], self._batch.task.environment
             raise InputError(environment, "a numpy Generator", found, place="np_random")
         self._batch._generators[self._index] = generator
+
+    @property
+    def recorder(self) -> Recorder:
+        """Records its episodes from the next reset on (see `SingleEnv.recorder`).
+
+        A batch begins another episode when one is over: see `FirstEpisode`.
+        """
+        return self._batch._followers.of(self._index).recorder
+
+    @recorder.setter
+    def recorder(self, recorder: Any) -> None:
+        if not isinstance(recorder, Recorder):
+            found, environment = repr(recorder)[:80], self._batch.task.environment
+            raise InputError(environment, "a Recorder", found, place="recorder")
+        self._batch._followers.of(self._index).recorder = recorder
+
+    @property
+    def agent(self) -> str:
+        """Name of the agent that acts, for recordings and pictures from the next reset on."""
+        return self._batch._followers.of(self._index).agent
+
+    @agent.setter
+    def agent(self, agent: str) -> None:
+        self._batch._followers.of(self._index).agent = agent
 
     def set_attribute(self, name: str, value: Any) -> None:
         """Set one of `SETTABLE`.

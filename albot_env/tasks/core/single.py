@@ -184,6 +184,11 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
         return self._robot.most_steps(0)
 
     @property
+    def judges_success(self) -> bool:
+        """Whether the task can succeed: whether its info holds `is_success`."""
+        return "is_success" in self._robot.facts
+
+    @property
     def frame(self) -> Frame:
         """The present moment to be drawn. It holds the truth: for people, not for agents.
 

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float64, Int64, UInt8
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.ranges import COUNT, FROM_ONE
+from albot_env.rendering.frame import Frame
 from albot_env.tasks.core.batch_arguments import (
     choose_mask,
     choose_mode,
@@ -24,6 +25,7 @@ from albot_env.tasks.core.batch_arguments import (
     choose_worlds,
     named,
 )
+from albot_env.tasks.core.batch_followers import BatchFollowers, choose_drawn
 from albot_env.tasks.core.batch_member import BatchMember
 from albot_env.tasks.core.copying import CopiedByState
 from albot_env.tasks.core.episode_state import (
@@ -32,7 +34,6 @@ from albot_env.tasks.core.episode_state import (
     generator_of,
     generator_state,
 )
-from albot_env.tasks.core.follower import EpisodeFollower, painted
 from albot_env.tasks.core.interface import (
     CLOSED,
     METADATA,
@@ -81,7 +82,9 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             `final_obs` and `final_info`. `Disabled`: the caller must call
             `reset(options={"reset_mask": finished})`.
         render_mode: `rgb_array`, or None. Each step then takes longer, because all that is drawn
-            is taken down for each environment.
+            is taken down for each environment that is drawn.
+        drawn: Numbers of the environments that are drawn in `rgb_array` mode; None for all. The
+            pictures of the others are black, and they are not slowed down.
         threads: Threads that share the work; None for one per processor. The number affects
             only the speed.
         settings: See `Settings`.
@@ -102,6 +105,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        drawn: Sequence[int] | None = None,
         threads: int | None = None,
         **settings: Unpack[Settings],
     ) -> None:
@@ -144,8 +148,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self._over: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
         self._begun: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
         self._world_numbers: Int64[np.ndarray, "environments"] = np.zeros(num_envs, np.int64)
-        followed = range(num_envs if render_mode else 0)
-        self._followers = [EpisodeFollower(interface, row) for row in followed]
+        chosen = choose_drawn(drawn, num_envs, render_mode, environment)
+        self._followers = BatchFollowers(interface, chosen)
         self._spec: ConfiguredSpec | None = None
         self._given = {
             "num_envs": num_envs,
@@ -153,6 +157,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             "max_episode_steps": max_episode_steps,
             "autoreset_mode": autoreset_mode,
             "render_mode": render_mode,
+            "drawn": drawn,
             "threads": threads,
             **copy.deepcopy(settings),
         }
@@ -203,7 +208,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self._begin(rows, settings)
         self._robots.observe(None if mask.all() else rows)
         self._begun[rows], self._over[rows] = True, False
-        self._follow(rows)
+        self._followers.begin(rows, dict(zip(rows.tolist(), seeds, strict=True)), self.spec)
         return self._interface.shown_all(self._robots.observations), self._infos(
             None if mask.all() else mask
         )
@@ -222,10 +227,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self._begin(resetting, {})
         robots.observe()
         self._begun[:] = True
-        if self._followers:
-            self._follow(resetting)
-            for row in np.setdiff1d(np.arange(self.num_envs), resetting).tolist():
-                self._followers[row].add(np.asarray(actions)[row])
+        self._followers.begin(resetting, {}, self.spec)
+        self._followers.add(actions, resetting)
         rewards = robots.rewards.copy()
         truncated = np.zeros(self.num_envs, np.bool_)
         if self._limit is not None:
@@ -259,7 +262,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         return [] if journeys is None else journeys.missing(list(dict.fromkeys(self._worlds)))
 
     def close_extras(self, **_: Any) -> None:
-        """Stop the threads; called by `close`."""
+        """End the recordings and stop the threads; called by `close`."""
+        self._followers.close()
         self._robots.close()
 
     def render(self) -> tuple[UInt8[np.ndarray, "h w 3"], ...] | None:
@@ -271,6 +275,15 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         if self.render_mode is None:
             return None
         return tuple(self._render_one(row) for row in range(self.num_envs))  # type: ignore[misc]
+
+    @property
+    def frames(self) -> dict[int, Frame]:
+        """The present moments that are drawn or recorded, by number of the environment.
+
+        They hold the truth: for people, not for agents. `paint_mosaic` of
+        `albot_env.rendering.mosaic` makes one picture of them.
+        """
+        return self._followers.frames
 
     @property
     def members(self) -> tuple[BatchMember, ...]:
@@ -299,7 +312,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         """Set an attribute of each environment.
 
         Args:
-            name: `np_random`; the environments have no other attribute that can be set.
+            name: One of `BatchMember.SETTABLE`.
             values: One value for each environment, in a list or tuple; or one value for all.
 
         Raises:
@@ -372,7 +385,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         is_late = self._limit is not None and self._robots.steps[row] >= self._limit
         self._over[row] = bool(self._robots.ended[row]) or is_late
         mask = np.arange(self.num_envs) == row
-        self._follow(np.flatnonzero(mask))
+        self._followers.begin(np.flatnonzero(mask), {}, self.spec)
         return self._interface.shown(self._robots.observations[row].copy()), self._infos(mask)
 
     def _whole_state(self) -> Any:
@@ -405,20 +418,14 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
             raise gymnasium.error.ResetNeeded(f"{self._environment}: reset environment {row} first")
         return generator
 
-    def _follow(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Take down the episodes of some environments from now on, if they are to be drawn."""
-        if self._followers:
-            for row in rows.tolist():
-                self._followers[row].begin(None, self.spec)
-
     def _render_one(self, row: int) -> UInt8[np.ndarray, "h w 3"] | None:
         self._check_open()
-        if not self._followers:
+        if self.render_mode is None:
             return None
-        frame = self._followers[row].frame
-        if frame is None:
+        picture = self._followers.picture(row)
+        if picture is None:
             raise gymnasium.error.ResetNeeded(f"{self._environment}: reset environment {row} first")
-        return painted(frame)
+        return picture
 
     def _check_open(self) -> None:
         if self.closed:
@@ -470,7 +477,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         self._robots.observe(rows)
         self._begun[:] = True
         self._over[:] = False
-        self._follow(rows)
+        self._followers.begin(rows, {}, self.spec)
         infos = self._infos()
         infos |= {"final_obs": final_obs, "_final_obs": over.copy()}
         return infos | {"final_info": final, "_final_info": over.copy()}

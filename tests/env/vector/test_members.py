@@ -60,7 +60,9 @@ def test_what_they_do_not_have_is_told() -> None:
         envs.call("rendr")
     with pytest.raises(AttributeError, match="'action_masks'"):
         envs.get_attr("action_masks")
-    with pytest.raises(AttributeError, match=r"'world' cannot be set .* only np_random"):
+    with pytest.raises(
+        AttributeError, match=r"'world' cannot be set .* only agent, np_random, recorder"
+    ):
         envs.set_attr("world", "square-loop")
     with pytest.raises(InputError, match="np_random: expected a numpy Generator, found 5"):
         envs.set_attr("np_random", 5)
