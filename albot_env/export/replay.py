@@ -25,6 +25,7 @@ from albot_env.export.transitions import (
 )
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.reader import EpisodeReader
+from albot_env.tasks.core.settings import DEFAULT_WORLD
 from albot_env.tasks.core.single import SingleEnv
 
 _FIELDS = (
@@ -138,7 +139,7 @@ def _plain_spec(header: EpisodeHeader, steps: int, source: object) -> dict[str, 
     if not isinstance(task, str) or task not in gymnasium.registry:
         raise InputError(source, "an environment that is registered", repr(task), place="spec.id")
     entry_point = gymnasium.spec(task).entry_point
-    maker = None if entry_point is None else load_env_creator(entry_point)
+    maker: Any = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
     if not (isinstance(maker, type) and issubclass(maker, SingleEnv)):
         raise InputError(source, "an environment of albot", task, place="spec.id")
     if not isinstance(kwargs, Mapping):
@@ -149,7 +150,8 @@ def _plain_spec(header: EpisodeHeader, steps: int, source: object) -> dict[str, 
         expected = f"a mapper, one of {', '.join(MAPPERS)}"
         found = f"{mapper!r} (one from outside is known once its module is imported)"
         raise InputError(source, expected, found, place="spec.kwargs.mapper")
-    settings = {name: kwargs[name] for name in kwargs if name != "render_mode"}
+    settings = {"world": gymnasium.spec(task).kwargs.get("world", DEFAULT_WORLD), **kwargs}
+    settings.pop("render_mode", None)
     limit = header.spec.get("max_episode_steps")
     if limit is None:  # An environment does not know the limit of the wrapper around it.
         usual = gymnasium.spec(task).max_episode_steps

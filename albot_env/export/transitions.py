@@ -15,7 +15,6 @@ from gymnasium.spaces import Space
 from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
-from albot_env.tasks.core.settings import DEFAULT_WORLD
 from albot_env.tasks.core.spec import ConfiguredSpec
 
 Observations = np.ndarray | dict[str, np.ndarray]
@@ -137,7 +136,7 @@ def environment_spec(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         task: Id of the environment.
-        settings: The arguments of `gymnasium.make`; the world as a spec, not as an object.
+        settings: The arguments of `gymnasium.make`, with the world; it is a spec, not an object.
 
     Raises:
         InputError: JSON cannot hold a setting.
@@ -146,7 +145,7 @@ def environment_spec(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
     spec = ConfiguredSpec.of(gymnasium.spec(task))
     spec.max_episode_steps = kwargs.pop("max_episode_steps", spec.max_episode_steps)
     spec.disable_env_checker = True  # Which would read each observation twice.
-    spec.kwargs = {"world": DEFAULT_WORLD} | spec.kwargs | kwargs
+    spec.kwargs = spec.kwargs | kwargs
     plain: dict[str, Any] = json.loads(spec.to_json())
     return plain
 

@@ -42,8 +42,8 @@ BENCHMARK_WORLDS = (
 """Kinds of worlds of the benchmark."""
 BENCHMARK_ODOMETERS = ("pioneer", "ideal", "poor")
 EXPORTS = (
-    "tum", "kitti", "geojson", "graphml", "g2o", "carmen", "map_server", "ply", "csv", "rerun",
-    "minari",
+    "tum", "kitti", "geojson", "graphml", "g2o", "carmen", "map_server", "ply", "csv", "ros2",
+    "rerun", "minari",
 )  # fmt: skip
 """Formats of `albot export`."""
 POSES = ("true", "corrected", "believed")

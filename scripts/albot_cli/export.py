@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from albot_cli import completion
+from albot_cli.bag_options import bag_options
 from albot_cli.outputs import FORCE, JSON, check_file, check_folder, check_suffix, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.counts import many
 from albot_core.errors import InputError
+
+if TYPE_CHECKING:
+    from albot_cli.export_source import Source
+    from albot_core.logs.ros_bag import BagTopics
 
 _PACKED = (".gz", ".xz")
 
@@ -40,6 +48,7 @@ _PACKED = (".gz", ".xz")
     "that FILE has]",
 )
 @click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
+@bag_options
 @FORCE
 @JSON
 def command(
@@ -48,19 +57,21 @@ def command(
     out: str | None,
     pose: str | None,
     keep_going: bool,
+    topics: BagTopics | None,
     force: bool,
     as_json: bool,
 ) -> None:
     """Write each FILE as a file of another program.
 
     FILE is an episode that `albot play` recorded (.mcap), a map that `albot map --out` saved
-    (.albot), or a robot's log. Which formats each can become, and what is in them, is told by
-    docs/exchange.md; an error names those that fit.
+    (.albot), or a robot's log, which may be a ROS bag. Which formats each can become, and what is
+    in them, is told by docs/exchange.md; an error names those that fit.
 
     Episodes become one Minari data set, for offline reinforcement learning. Their observations are
     made again, by their environment with the recorded actions, and all must be as recorded.
     """
     from albot_cli.export_formats import FORMATS, MINARI
+    from albot_cli.export_source import read_source
 
     if out == "":
         raise InputError("--out", "a path", "nothing")
@@ -71,7 +82,9 @@ def command(
     if name == MINARI:
         facts = _to_minari(files, out, force)
     else:
-        facts = _to_files(files, name, None if out is None else Path(out), pose, keep_going, force)
+        target = None if out is None else Path(out)
+        read = partial(read_source, keep_going=keep_going, topics=topics)
+        facts = _to_files(files, name, target, read, pose, force)
     click.echo(json.dumps(facts) if as_json else _as_text(facts))
 
 
@@ -110,36 +123,33 @@ def _to_files(
     files: tuple[Path, ...],
     name: str,
     out: Path | None,
+    read: Callable[[Path], Source],
     pose: str | None,
-    keep_going: bool,
     force: bool,
 ) -> dict[str, Any]:
-    """Write each source as a file; return the facts."""
+    """Write each source as a file, all or none; return the facts."""
     from albot_cli.export_formats import FORMATS, check_fits
-    from albot_cli.export_source import read_source
 
-    targets = _targets(files, out, FORMATS[name].suffix)
-    written = FORMATS[name].beside
-    if written:
-        check_suffix(targets[0], FORMATS[name].suffix, option="--out")
+    known = FORMATS[name]
+    if known.is_folder and len(files) > 1:
+        raise InputError("FILE", f"one at a time, for {name}", str(len(files)))
+    targets = _targets(files, out, known.suffix)
+    if known.beside:
+        check_suffix(targets[0], known.suffix, option="--out")
+    known.check(targets[0])
     for path, target in zip(files, targets, strict=True):
-        for each in (target, *(target.with_suffix(suffix) for suffix in written)):
+        for each in (target, *(target.with_suffix(suffix) for suffix in known.beside)):
             if each.resolve() == path.resolve():
                 raise InputError("--out", "a file other than FILE", str(each))
-            if each.parent.exists():
+            if each.parent.exists() and not known.is_folder:
                 check_file(each, force=force)
-    if name == "rerun":
-        from albot_env.export.rerun_scene import check_rerun
-
-        check_rerun(targets[0])
     facts = []
-    folder = targets[0].parent
-    alone = len(files) == 1 and not written
-    with filled_folder(folder) as scratch:
+    alone = len(files) == 1 and not known.beside
+    with nullcontext(Path()) if alone else filled_folder(targets[0].parent) as scratch:
         for path, target in zip(files, targets, strict=True):
-            source = read_source(path, keep_going=keep_going)
+            source = read(path)
             check_fits(source, name)
-            FORMATS[name].write(source, pose, target if alone else scratch / target.name)
+            known.write(source, pose, target if alone else scratch / target.name)
             _tell(path, source.unread)
             facts.append({"file": str(path), "kind": source.kind, "out": str(target)})
     return {"format": name, "files": facts}

@@ -17,6 +17,7 @@ from albot_core.export.map_server import write_map_server
 from albot_core.export.points import write_ply, write_points_csv
 from albot_core.export.tum import write_tum
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
+from albot_core.ros.messages import check_rosbags
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,10 @@ class Format:
     """Whether it depends on the kind of poses."""
     beside: tuple[str, ...] = ()
     """Suffixes of the files that it writes besides."""
+    is_folder: bool = False
+    """Whether it is a folder, which must be new or empty."""
+    check: Callable[[Path], None] = lambda _: None
+    """Raises InputError if the library that it needs is missing."""
 
 
 def _write_geojson(source: Source, pose: str | None, path: Path) -> None:
@@ -65,6 +70,19 @@ def _write_rerun(source: Source, _: str | None, path: Path) -> None:
         rerun_recording.write_log_rerun(source.log, path)
     else:
         rerun_recording.write_map_rerun(source.snapshot, source.path.name, path)
+
+
+def _check_rerun(path: Path) -> None:
+    from albot_env.export.rerun_scene import check_rerun
+
+    check_rerun(path)
+
+
+def _write_ros2(source: Source, _: str | None, path: Path) -> None:
+    from albot_core.export.ros2_bag import write_ros2_bag
+
+    assert source.log is not None
+    write_ros2_bag(source.log, path)
 
 
 _POINTS = Format(
@@ -126,11 +144,20 @@ FORMATS: dict[str, Format] = {
         suffix=".csv",
         write=lambda source, pose, path: write_points_csv(source.points(pose), path),
     ),
+    "ros2": Format(
+        suffix="_bag",
+        needs="laser scans",
+        fits=lambda source: source.has_laser,
+        write=_write_ros2,
+        is_folder=True,
+        check=check_rosbags,
+    ),
     "rerun": Format(
         suffix=".rrd",
         needs="an episode, a log or a map",
         fits=lambda _: True,
         write=_write_rerun,
+        check=_check_rerun,
     ),
 }
 """The formats by name."""

@@ -15,6 +15,7 @@ from albot_core.export.points import PointCloud, laser_points
 from albot_core.geometry.types import Pose
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log
+from albot_core.logs.ros_bag import BagTopics
 from albot_core.mappers.map_file import load_map
 from albot_core.mappers.mapper import CorrectedTrajectory
 from albot_core.maps.layers import (
@@ -26,6 +27,7 @@ from albot_core.maps.layers import (
     SegmentsLayer,
     TrajectoryLayer,
 )
+from albot_core.ros.bag import is_bag
 from albot_env.recording.episode import Moment
 from albot_env.recording.log import log_of_moments
 from albot_env.recording.reader import EpisodeReader
@@ -109,22 +111,29 @@ class Source:
         return f"{article} {self.kind} with {', '.join(holds) or 'nothing in it'}"
 
 
-def read_source(path: Path, *, keep_going: bool = False) -> Source:
+def read_source(path: Path, *, keep_going: bool = False, topics: BagTopics | None = None) -> Source:
     """Read an episode, a map or a log; the file's content determines which it is.
 
     Args:
-        path: The file.
+        path: The file, or the folder of a ROS bag.
         keep_going: Whether to leave out the damaged lines of a log.
+        topics: The topics of a ROS bag that are read.
 
     Raises:
-        InputError: The file cannot be read, or is damaged or none of these.
+        InputError: The file cannot be read, or is damaged or none of these; or topics of what is
+            no bag are asked for.
     """
-    beginning = first_bytes(path)
-    if beginning.startswith(_EPISODE):
-        return _episode(path)
-    if beginning.startswith(_ARCHIVE):
-        return _map(path)
-    log = read_log(path, keep_going)
+    if not is_bag(path):
+        readers = {_EPISODE: _episode, _ARCHIVE: _map}
+        beginning = first_bytes(path)
+        for known, read in readers.items():
+            if beginning.startswith(known):
+                source = read(path)
+                if topics is not None:
+                    expected = "a ROS bag, as topics are given"
+                    raise InputError(path, expected, source.content)
+                return source
+    log = read_log(path, keep_going, topics)
     trajectories = {BELIEVED: log.odometry_trajectory}
     if log.reference_trajectory is not None:
         trajectories[CORRECTED] = log.reference_trajectory
@@ -154,7 +163,7 @@ def is_episode(path: Path) -> bool:
     Raises:
         InputError: It cannot be read.
     """
-    return first_bytes(path).startswith(_EPISODE)
+    return first_bytes(path).startswith(_EPISODE) and not is_bag(path)
 
 
 def _episode(path: Path) -> Source:

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import networkx as nx
@@ -31,10 +32,10 @@ from tests.cli.conftest import expect_error, figures
 Call = Callable[..., Result]
 FILES = ("episode", "places", "grid", "log")
 FITS = {
-    "episode": {"tum", "kitti", "geojson", "carmen", "ply", "csv", "rerun"},
+    "episode": {"tum", "kitti", "geojson", "carmen", "ply", "csv", "ros2", "rerun"},
     "places": {"geojson", "graphml", "g2o", "rerun"},
     "grid": {"tum", "kitti", "geojson", "map_server", "ply", "csv", "rerun"},
-    "log": {"tum", "kitti", "geojson", "carmen", "ply", "csv", "rerun"},
+    "log": {"tum", "kitti", "geojson", "carmen", "ply", "csv", "ros2", "rerun"},
 }
 """The formats that each file can become, besides Minari."""
 
@@ -74,6 +75,12 @@ def test_every_pair_fits_or_says_what_would(
             (facts,) = figures(result)["files"]
             assert (facts["file"], facts["out"]) == (str(path), str(target))
             assert target.stat().st_size
+            if known.is_folder:
+                again = read_source(target)
+                assert again.log is not None
+                assert (again.kind, len(again.log.stamps)) == ("log", _scans(path))
+                rmtree(target)
+                continue
             names = {target.name, *(f"a{suffix}" for suffix in known.beside)}
         else:
             expect_error(result, path.name, known.needs, "which can become")
@@ -215,6 +222,20 @@ def test_no_file_a_folder_and_wrong_options(episode_file: Path, call: Call, tmp_
     )
 
 
+def test_a_bag_takes_one_file_and_an_empty_folder(
+    corridor: tuple[Path, Trajectory], call: Call, tmp_path: Path
+) -> None:
+    words = ("export", corridor[0], "--to", "ros2", "--out")
+    expect_error(call(*words, tmp_path), "empty or does not exist")
+    expect_error(call("export", *[corridor[0]] * 2, "--to", "ros2"), "FILE", "one at a time")
+    call(*words, tmp_path / "bag")
+    result = call("export", tmp_path / "bag", "--to", "tum", "--out", tmp_path / "a.tum")
+    assert result.exception is None
+    assert len(read_reference(tmp_path / "a.tum").stamps) == 28
+    result = call("export", corridor[0], "--to", "tum", "--scan", "/scan")
+    expect_error(result, "corridor.log", "a ROS bag, as topics are given")
+
+
 def test_a_torn_episode_says_so(call: Call, tmp_path: Path) -> None:
     path = _explored(tmp_path / "whole.mcap", 25)
     torn = tmp_path / "torn.mcap"
@@ -277,6 +298,11 @@ def test_the_page_tells_all_formats() -> None:
     rows = re.findall(r"^\| (`[^|]*`) \|", text, re.MULTILINE)
     told = itertools.chain(*(re.findall(r"`(\w+)`", row) for row in rows))
     assert {*told} == {*completion.EXPORTS}
+
+
+def _scans(path: Path) -> int:
+    log = read_source(path).log
+    return 0 if log is None else len(log.stamps)
 
 
 def _explored(path: Path, steps: int, seed: int = 1) -> Path:
