@@ -161,9 +161,8 @@ def test_many_files_and_their_names(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     out = tmp_path / "out"
-    facts = figures(
-        call("export", corridor[0], episode_file, "--to", "tum", "--out", out, "--json")
-    )
+    words = ("export", corridor[0], episode_file, "--to", "tum", "--out", out)
+    facts = figures(call(*words, "--json"))
     assert [each["kind"] for each in facts["files"]] == ["log", "episode"]
     assert {path.name for path in out.iterdir()} == {"corridor.tum", "watched.tum"}
     expect_error(call(*words), "corridor.tum", "--force")
@@ -237,9 +236,8 @@ def test_a_bag_takes_one_file_and_an_empty_folder(
 
 
 def test_a_torn_episode_says_so(call: Call, tmp_path: Path) -> None:
-    path = _explored(tmp_path / "whole.mcap", 25)
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    """As a process leaves it that is killed: whole chunks, and no end."""
+    torn = _explored(tmp_path / "torn.mcap", 25, is_closed=False)
     for name in ("tum", "minari"):
         result = call("export", torn, "--to", name, "--out", tmp_path / name, "--json")
         assert "torn.mcap: never closed, ends early" in result.stderr
@@ -305,7 +303,7 @@ def _scans(path: Path) -> int:
     return 0 if log is None else len(log.stamps)
 
 
-def _explored(path: Path, steps: int, seed: int = 1) -> Path:
+def _explored(path: Path, steps: int, seed: int = 1, *, is_closed: bool = True) -> Path:
     import gymnasium
 
     env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="none")
@@ -314,7 +312,10 @@ def _explored(path: Path, steps: int, seed: int = 1) -> Path:
     env.reset(seed=seed)
     for k in range(steps):
         env.step(np.array((0.5, 0.2 * np.sin(k), -1.0), np.float32))
+    so_far = path.read_bytes()
     env.close()
+    if not is_closed:
+        path.write_bytes(so_far)
     return path
 
 

@@ -78,7 +78,8 @@ def run_together(
                         seen, info = infos["final_obs"][k], _row(infos["final_info"], k)
                     log.add(seen, info, over=bool(ended[k]))
                     if transitions is not None:
-                        transitions.add(actions[k], seen, rewards[k], terminated[k], truncated[k])
+                        ends = bool(terminated[k]), bool(truncated[k])
+                        transitions.add(actions[k], seen, float(rewards[k]), *ends)
     finally:
         batch.close()
     return [
