@@ -30,6 +30,7 @@ PAGES = (
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 SPAN = re.compile(r"`(albot [^`\n]*)`")
 ELSEWHERE = {
+    "docs/exchange.md": "needs a data set, see test_the_data_set_of_a_page_is_learnt_from",
     "docs/mappers.md": "is tests/core/mappers/topological.py, see test_guide.py",
     "docs/tasks.md": "is tests/env/tasks/visit_rooms.py, see test_guide.py",
     "docs/guides/observation_part.md": "is followed by test_guides.py, as all in docs/guides",
@@ -45,6 +46,12 @@ FASTER = {
     "learn(1_000_000)": "learn(128)",
 }
 """What is done less often here than on the pages."""
+LEARNT_FASTER = {
+    "range(40)": "range(2)",
+    "range(10)": "range(1)",
+    'world="random:office:2000..2009"': 'world="square-loop", max_episode_steps=3',
+}
+"""What is done less often here of what docs/exchange.md learns."""
 
 
 def _blocks(page: str, *languages: str) -> list[str]:
@@ -78,6 +85,28 @@ def test_the_code_of_a_page_runs_as_it_stands(
     _write_log(tmp_path / "intel.log.gz")
     monkeypatch.chdir(tmp_path)
     runpy.run_path("page.py")
+
+
+def test_the_data_set_of_a_page_is_learnt_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page's command makes one of two short journeys, and its code learns from that."""
+    pytest.importorskip("minari", reason="minari is not installed: pip install '.[minari]'")
+    pytest.importorskip("torch", reason="torch is not installed: pip install '.[train]'")
+    page = "docs/exchange.md"
+    (line,) = (line for line in _blocks(page, "bash")[-1].splitlines() if "--minari" in line)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    # The last of each option counts.
+    shorter = ["--seeds", "0..1", "--worlds", "square-loop", "--outward", "1..2", "--steps", "20"]
+    words = [*shlex.split(line)[1:], *shorter, "--jobs", "1"]
+    albot.main(words, standalone_mode=False)
+    code = "\n".join(_blocks(page, "python"))
+    for shown, here in LEARNT_FASTER.items():
+        assert shown in code
+        code = code.replace(shown, here)
+    (tmp_path / "page.py").write_text(code)
+    runpy.run_path(str(tmp_path / "page.py"))
+    assert re.search(r"loss \d\.\d+; home in \d+ of 10 offices\n$", capsys.readouterr().out)
 
 
 def test_what_is_done_less_often_stands_on_some_page() -> None:

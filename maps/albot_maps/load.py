@@ -202,18 +202,21 @@ class WorldSet:
 
 
 def load_worlds(
-    spec: str | Path | World | WorldSet, robot_radius: float = ROBOT_RADIUS
+    spec: str | Path | World | WorldSet | list[str], robot_radius: float = ROBOT_RADIUS
 ) -> WorldSet:
     """Return the worlds that a spec names, for a robot of this radius (m).
 
     A spec with a range of seeds names one random world per seed: `random:office:0..99?rooms=8`
-    names those of seeds 0 to 99. Any other spec names one world (see `load_world`).
+    names those of seeds 0 to 99. Any other spec names one world (see `load_world`). A list names
+    the worlds of its specs, one each.
 
     Raises:
         InputError: As `load_world`; or the range is empty or too large, or `spec` has another type.
     """
     if isinstance(spec, WorldSet):
         return spec.for_robot(robot_radius)
+    if isinstance(spec, list) and all(isinstance(each, str) for each in spec):
+        return WorldSet(spec, robot_radius)
     if not isinstance(spec, str | Path | World):
         raise InputError("world", "a world, a set of worlds, or a spec of them", repr(spec))
     found = _RANGE.fullmatch(spec) if isinstance(spec, str) else None
@@ -226,6 +229,11 @@ def load_worlds(
         raise InputError(str(spec), expected, f"{first}..{last}")
     specs = _Specs(found["kind"], range(first, last + 1), found["rest"] or "")
     return WorldSet(specs, robot_radius)
+
+
+def is_range(spec: str) -> bool:
+    """Return whether a spec names a random world for each seed of a range."""
+    return _RANGE.fullmatch(spec) is not None
 
 
 class _Specs(Sequence[str]):

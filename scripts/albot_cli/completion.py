@@ -41,6 +41,13 @@ BENCHMARK_WORLDS = (
 )  # fmt: skip
 """Kinds of worlds of the benchmark."""
 BENCHMARK_ODOMETERS = ("pioneer", "ideal", "poor")
+EXPORTS = (
+    "tum", "kitti", "geojson", "graphml", "g2o", "carmen", "map_server", "ply", "csv", "ros2",
+    "rerun", "minari",
+)  # fmt: skip
+"""Formats of `albot export`."""
+POSES = ("true", "corrected", "believed")
+"""Kinds of poses, the best first."""
 NONE = "none"
 """No mapper, or no sensor of a sort."""
 

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import time
+from collections.abc import Mapping
 from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,6 @@ from albot_cli.evaluation_text import evaluation_text
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
-from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.drawing.figure import save_figure
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from albot_agents.evaluation.plan import Trial
-    from albot_agents.evaluation.recordings import Recordings
     from albot_agents.evaluation.trial import Outcome
+    from albot_env.export.minari_dataset import DatasetPlace
 
 _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv"
 
@@ -87,6 +87,19 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 @click.option("--steps", type=CountType(1), help="Time limit.  [default: the task's]")
 @click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
 @click.option(
+    "--batch",
+    type=CountType(1, 4096),
+    default=1,
+    show_default=True,
+    help="Episodes that a process steps together. They are the same; trained agents are faster.",
+)
+@click.option(
+    "--minari",
+    metavar="ID",
+    help="Also keep the episodes of --agent as a Minari data set, for offline reinforcement "
+    "learning: an id (`albot/homing-v0`) or a folder.",
+)
+@click.option(
     "--out",
     type=PathType(file_okay=False),
     help="Folder for evaluation.json, episodes.csv (a row an episode) and, of tasks that can "
@@ -120,6 +133,8 @@ def command(
     outward: str | None,
     steps: int | None,
     jobs: int | None,
+    batch: int,
+    minari: str | None,
     out: Path | None,
     record: Path | None,
     only: str | None,
@@ -136,44 +151,38 @@ def command(
     for both agents. If Ctrl-C stops it, the exit status is 130 and the figures are those of the
     episodes so far.
     """
-    from albot_agents.evaluation.paired import check_same_episodes
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
-    from albot_agents.registry import check_agent, find_agent
+    from albot_agents.registry import find_agent
     from albot_agents.task import find_task, own_world
     from albot_cli.evaluation_recordings import plan_recordings, write_index
+    from albot_cli.evaluation_run import open_dataset, run_trials
 
     task = find_task(task)
     worlds = worlds or (own_world(task) or "random:office",)
-    agents = [agent] if against is None else [agent, against]
-    if against == agent:
-        raise InputError("--against", f"an agent other than {agent}", against)
-    for name in agents:
-        check_agent(name, task)
+    agents = _agents(task, agent, against)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
     given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps}
     settings |= {name: value for name, value in given.items() if value is not None}
-    if config is not None:
-        settings["config"] = read_task_config(task, config)
-    if outward is not None:
-        settings["config"] = way_out(task, outward, settings.get("config"))
+    settings |= _task_settings(task, config, outward)
+    place = None if minari is None else _dataset_place(minari, force)
     if out is not None:
         check_folder(out, (_FIGURES, _PICTURE, _EPISODES), force=force)
-    trials = []
     chosen = {name: _settings(task, name, settings, mapper_config) for name in agents}
-    for name, (its, untrained) in chosen.items():
-        trials.append(plan_trials(task, name, worlds, parse_seeds(seeds), its))
-        # Invalid settings raise before the work begins.
-        with closing(trials[-1][0].make()) as env:
-            judges_success = env.get_wrapper_attr("judges_success")
-        for setting in untrained:
-            click.echo(f"albot: {name} was not trained with {setting}", err=True)
-    check_same_episodes({name: some[0] for name, some in zip(agents, trials, strict=True)})
-    recordings = plan_recordings(record, only, trials, judges_success, force)
+    trials = {
+        name: plan_trials(task, name, worlds, parse_seeds(seeds), its)
+        for name, (its, _) in chosen.items()
+    }
+    judges_success = _check_settings(trials, chosen)
+    recordings = plan_recordings(record, only, batch, [*trials.values()], judges_success, force)
+    if place is not None:
+        trials[agent] = [replace(trial, keeps_transitions=True) for trial in trials[agent]]
     its, untrained = chosen[agent]
     began = time.perf_counter()
-    with new_folder(record) if record is not None else nullcontext():
-        outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1, recordings)
+    folder = new_folder(record) if record is not None else nullcontext()
+    with folder, open_dataset(place, force=force) as dataset:
+        jobs = jobs or os.cpu_count() or 1
+        outcomes, stopped = run_trials([*trials.values()], jobs, batch, dataset, recordings)
     facts: dict[str, Any] = {"task": task, "agent": agent}
     facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
@@ -181,16 +190,59 @@ def command(
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
     facts["against"] = against and _against(against, *chosen[against], outcomes)
-    facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
-    facts |= write_index(recordings, facts, outcomes)
-    drawn = _failures(facts, outcomes) if out is not None or figure is not None else None
-    if drawn is not None and figure is not None:
-        facts["files"]["figure"] = str(figure.save(drawn))
-    if out is not None:
-        files = {"--mapper-config": mapper_config, "--config": config}
-        _save(out, facts, outcomes, files, drawn)
+    facts |= {"seconds": time.perf_counter() - began, "stopped": stopped}
+    facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
+    if place is not None:
+        facts["files"]["minari"] = place.load
+        facts["minari"] = {**place.facts, **dataset.size}
+    files = {"--mapper-config": mapper_config, "--config": config}
+    _write(facts, outcomes, out, figure, files)
     click.echo(json.dumps(facts) if as_json else evaluation_text(facts))
     return STOPPED if stopped else 0
+
+
+def _agents(task: str, agent: str, against: str | None) -> list[str]:
+    """Return the agents that run.
+
+    Raises:
+        InputError: An agent is unknown or for another task, or both are the same.
+    """
+    from albot_agents.registry import check_agent
+
+    if against == agent:
+        raise InputError("--against", f"an agent other than {agent}", against)
+    agents = [agent] if against is None else [agent, against]
+    for name in agents:
+        check_agent(name, task)
+    return agents
+
+
+def _task_settings(task: str, config: Path | None, outward: str | None) -> dict[str, Any]:
+    """Return the configuration of the task as a setting; none if it is the usual one."""
+    settings = {} if config is None else {"config": read_task_config(task, config)}
+    if outward is not None:
+        settings["config"] = way_out(task, outward, settings.get("config"))
+    return settings
+
+
+def _check_settings(
+    trials: Mapping[str, list[Trial]],
+    chosen: Mapping[str, tuple[dict[str, Any], tuple[str, ...]]],
+) -> bool:
+    """Raise InputError before the work begins if an environment cannot be made, or agents differ.
+
+    Settings that an agent was not trained with are told. Return whether the task judges success.
+    """
+    from albot_agents.evaluation.paired import check_same_episodes
+
+    judges_success = False
+    for name, (_, untrained) in chosen.items():
+        with closing(trials[name][0].make()) as env:
+            judges_success = env.get_wrapper_attr("judges_success")
+        for setting in untrained:
+            click.echo(f"albot: {name} was not trained with {setting}", err=True)
+    check_same_episodes({name: some[0] for name, some in trials.items()})
+    return judges_success
 
 
 def _settings(
@@ -241,49 +293,15 @@ def way_out(task: str, text: str, config: Any = None) -> Any:
     return replace(config, outing=outing)
 
 
-def _run(
-    trials: list[list[Trial]], jobs: int, recordings: Recordings | None = None
-) -> tuple[list[list[Outcome]], bool]:
-    """Run the trials of all agents in turn, so that a stopped run has the same episodes of each.
+def _dataset_place(minari: str, force: bool) -> DatasetPlace:
+    """Return where the data set is to be, once that is checked."""
+    from albot_env.export.minari_dataset import DatasetPlace, check_place
 
-    Args:
-        trials: The trials of each agent, all in the same order.
-        jobs: Number of processes.
-        recordings: Where the episodes are recorded; of those that have not ended with all agents,
-            nothing is left there.
-
-    Returns:
-        The outcomes of each agent, in the order of the trials, for the trials that have ended with
-        all agents; and whether Ctrl-C stopped the run.
-    """
-    from albot_agents.evaluation.trial import TrialRunner
-    from albot_agents.workers import run_parallel
-    from albot_cli.evaluation_recordings import remove_recordings
-
-    done: dict[tuple[str, int], Outcome] = {}
-    stopped = False
-    numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials[0])}
-    all_trials = [trial for paired in zip(*trials, strict=True) for trial in paired]
-    results = run_parallel(TrialRunner(recordings), all_trials, min(jobs, len(all_trials)))
-    try:
-        with progress("evaluate", len(all_trials), "episodes") as update, closing(results):
-            for outcome in results:
-                if isinstance(outcome, InputError):
-                    raise outcome
-                trial = outcome.trial
-                done[trial.agent, numbers[trial.world, trial.seed]] = outcome
-                update(len(done))
-    except KeyboardInterrupt:
-        stopped = True
-    except (InputError, RuntimeError):
-        remove_recordings(recordings, all_trials)
-        raise
-    agents = [some[0].agent for some in trials]
-    ended = [k for k in range(len(trials[0])) if all((agent, k) in done for agent in agents)]
-    remove_recordings(
-        recordings, [some[k] for some in trials for k in range(len(some)) if k not in ended]
-    )
-    return [[done[agent, k] for k in ended] for agent in agents], stopped
+    if not minari:
+        raise InputError("--minari", "the id of the data set or its folder", "nothing")
+    place = DatasetPlace.of(minari)
+    check_place(place, force=force)
+    return place
 
 
 def _against(
@@ -316,6 +334,23 @@ def _failures(facts: dict[str, Any], outcomes: list[list[Outcome]]) -> Figure | 
     from albot_agents.evaluation.picture import failures_figure  # slow to load
 
     return failures_figure(outcomes[0])
+
+
+def _write(
+    facts: dict[str, Any],
+    outcomes: list[list[Outcome]],
+    out: Path | None,
+    figure: FigureFile | None,
+    given_files: dict[str, Path | None],
+) -> None:
+    """Write the folder and the figure that were asked for; add their paths to `facts`."""
+    if out is None and figure is None:
+        return
+    drawn = _failures(facts, outcomes)
+    if drawn is not None and figure is not None:
+        facts["files"]["figure"] = str(figure.save(drawn))
+    if out is not None:
+        _save(out, facts, outcomes, given_files, drawn)
 
 
 def _save(

@@ -20,6 +20,7 @@ from albot_core.interrupts import interrupts_deferred
 def plan_recordings(
     record: Path | None,
     only: str | None,
+    batch: int,
     trials: Sequence[Sequence[Trial]],
     judges_success: bool,
     force: bool,
@@ -29,12 +30,14 @@ def plan_recordings(
     Args:
         record: The folder.
         only: Which episodes are kept; None for all.
+        batch: Number of episodes that a process steps together.
         trials: The trials of each agent.
         judges_success: Whether their task can succeed.
         force: Whether existing files are overwritten.
 
     Raises:
-        InputError: There are no episodes from which `only` could choose, or a file exists.
+        InputError: There are no episodes from which `only` could choose, they would be stepped
+            together, or a file exists.
     """
     if only is not None and record is None:
         raise InputError("--only", "--record FOLDER, of whose episodes it keeps some", "none")
@@ -42,6 +45,8 @@ def plan_recordings(
         raise InputError("--only", "a task that can succeed or fail", trials[0][0].task)
     if record is None:
         return None
+    if batch > 1:
+        raise InputError("--batch", "1 with --record", str(batch))
     recordings = Recordings.plan(record, [trial for some in trials for trial in some], only)
     files = (f"{name}{end}" for name in recordings.names.values() for end in (EPISODE, PAGE))
     check_folder(record, (INDEX, *files), force=force)

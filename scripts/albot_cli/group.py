@@ -24,6 +24,7 @@ SUBCOMMANDS = {
     "compare": "Set mappers side by side on the same readings.",
     "config": "Print the configuration of a task.",
     "evaluate": "Measure an agent in many episodes of a task.",
+    "export": "Write episodes, maps and logs as files of other programs.",
     "experiment": "Repeat the papers' experiments.",
     "map": "Run a mapper over a real robot's log.",
     "mappers": "List the mapping systems, or print the parameters of one.",

@@ -315,6 +315,7 @@ def _run(
     driver = entry.make(EnvironmentConfigs.of(env))
     inside = env.unwrapped
     assert isinstance(inside, SingleEnv)
+    inside.spec = env.spec  # With the time limit, which the episode's file then holds.
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
     drives = isinstance(driver, Keyboard)
     more = f"arrows drive · {enter_meaning(task)}" if drives else ""

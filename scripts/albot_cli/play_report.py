@@ -63,7 +63,7 @@ def episode_text(summary: dict[str, Any]) -> str:
         f"seed {summary['seed']}, {many(summary['steps'], 'step')}, "
         f"{summary['simulated_s']:.0f} s:",
         f"  {' · '.join(figures)}",
-        f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
+        f"  episode  {summary['files']['episode']}  (albot play FILE, or Lichtblick, or Foxglove)",
     ]
     drawn = {kind: summary["files"].get(kind) for kind in ("picture", "figure", "page", "video")}
     lines += [f"  {kind:<7}  {path}" for kind, path in drawn.items() if path]

@@ -141,3 +141,12 @@ def test_a_random_world_in_use_is_made_once(monkeypatch):
     gc.collect()
     assert not module._RANDOM  # Nobody keeps it.
     np.testing.assert_array_equal(load_world("random:office:3").walls, walls)
+
+
+def test_a_list_of_specs_names_a_world_each() -> None:
+    worlds = load_worlds(["square-loop", "office-ring"])
+    assert [world.name for world in worlds] == ["square-loop", "office-ring"]
+    with pytest.raises(InputError, match="at least one world"):
+        load_worlds([])
+    with pytest.raises(InputError, match="nowhere"):
+        load_worlds(["nowhere"])

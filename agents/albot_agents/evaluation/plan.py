@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+from gymnasium.spaces import Space
 
 import albot_env
 from albot_core.errors import InputError
 from albot_core.robot import DEFAULT_ROBOT, choose_robot
+from albot_env.export.transitions import TransitionsLog, environment_spec
 from albot_env.recording.episode import Recorder
 from albot_maps import World, load_world
 from albot_maps.generators.spec import PREFIX, seeded
@@ -35,6 +37,8 @@ class Trial:
     """Seed of environment and agent."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Other arguments of `gymnasium.make`."""
+    keeps_transitions: bool = False
+    """Whether its outcome has the transitions, for a data set."""
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """Make its environment.
@@ -57,7 +61,24 @@ class Trial:
         env = gymnasium.make(self.task, disable_env_checker=True, **settings)
         inside: Any = env.unwrapped
         inside.recorder, inside.agent = recorder, self.agent
+        inside.spec = env.spec  # With the time limit.
         return env
+
+    def begin_log(self, observation: Any, spaces: tuple[Space[Any], Space[Any]]) -> TransitionsLog:
+        """Begin to take down its transitions.
+
+        Args:
+            observation: The observation of the reset.
+            spaces: The spaces of observations and of actions.
+        """
+        return TransitionsLog(
+            spec=environment_spec(self.task, {"world": self.world, **self.settings}),
+            observation_space=spaces[0],
+            action_space=spaces[1],
+            seed=self.seed,
+            agent=self.agent,
+            observation=observation,
+        )
 
     @property
     def loaded_world(self) -> World:

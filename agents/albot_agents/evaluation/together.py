@@ -7,6 +7,7 @@ last bit.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -18,6 +19,8 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import EpisodeLog, Outcome
 from albot_agents.registry import make_agent
 from albot_agents.task import batch_settings
+from albot_agents.workers import TaskRunner
+from albot_core.errors import InputError
 from albot_env.recording.episode import FirstEpisode, Recorder
 
 
@@ -59,6 +62,13 @@ def run_together(
             EpisodeLog(trial, configs, _observation(observations, k), _row(infos, k))
             for k, trial in enumerate(trials)
         ]
+        spaces = batch.single_observation_space, batch.single_action_space
+        kept = [
+            trial.begin_log(_observation(observations, k), spaces)
+            if trial.keeps_transitions
+            else None
+            for k, trial in enumerate(trials)
+        ]
         while not all(log.over for log in logs):
             on_step(max(log.steps for log in logs) + 1)
             shown = [_observation(observations, k) for k in range(len(trials))]
@@ -66,17 +76,48 @@ def run_together(
                 choose_action(agent, seen, _row(infos, k) if agent.knows_truth else {})
                 for k, (agent, seen) in enumerate(zip(agents, shown, strict=True))
             ]
-            observations, _, terminated, truncated, infos = batch.step(np.array(actions))
+            observations, rewards, terminated, truncated, infos = batch.step(np.array(actions))
             ended = terminated | truncated
-            for k, log in enumerate(logs):
+            for k, (log, transitions) in enumerate(zip(logs, kept, strict=True)):
                 if not log.over:
                     seen, info = _observation(observations, k), _row(infos, k)
                     if ended[k]:  # The batch shows the next episode already.
                         seen, info = infos["final_obs"][k], _row(infos["final_info"], k)
                     log.add(seen, info, over=bool(ended[k]))
+                    if transitions is not None:
+                        ends = bool(terminated[k]), bool(truncated[k])
+                        transitions.add(actions[k], seen, float(rewards[k]), *ends)
     finally:
         batch.close()
-    return [log.outcome for log in logs]
+    return [
+        replace(log.outcome, transitions=None if each is None else each.transitions())
+        for log, each in zip(logs, kept, strict=True)
+    ]
+
+
+class BatchRunner(TaskRunner[Sequence[Trial], "list[Outcome] | InputError"]):
+    """Runs batches of trials; an InputError is returned as the result."""
+
+    def run(
+        self, task: Sequence[Trial], on_step: Callable[[int], None]
+    ) -> list[Outcome] | InputError:
+        """Run the trials of a batch."""
+        try:
+            return run_together(task, on_step)
+        except InputError as error:
+            return error
+
+    def on_crash(self, task: Sequence[Trial], step: int, cause: str) -> list[Outcome] | InputError:
+        """Raise RuntimeError: the process died, which is a bug.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        first = task[0]
+        raise RuntimeError(
+            f"{first.task}, {len(task)} episodes from {first.world}, seed {first.seed}, "
+            f"step {step}: {cause}"
+        )
 
 
 def _make_batch(trials: Sequence[Trial]) -> Any:

@@ -17,6 +17,7 @@ from albot_agents.registry import make_agent
 from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_env.export.transitions import Transitions
 from albot_env.recording.episode import Recorder
 
 HORIZON = 200
@@ -45,6 +46,8 @@ class Outcome:
     """The share of the ground covered after each metre of the path (`sample_curve`)."""
     recording: Recording | None = None
     """Its files; None if it was not recorded, or not kept."""
+    transitions: Transitions | None = None
+    """What was observed, done and earned, if the trial keeps it (`Trial.keeps_transitions`)."""
 
     @property
     def agent(self) -> str:
@@ -94,14 +97,18 @@ def run_trial(
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
         log = EpisodeLog(trial, configs, observation, info)
+        spaces = env.observation_space, env.action_space
+        kept = trial.begin_log(observation, spaces) if trial.keeps_transitions else None
         while not log.over:
             on_step(log.steps + 1)
             action = choose_action(agent, observation, info)
-            observation, _, terminated, truncated, info = env.step(action)
+            observation, reward, terminated, truncated, info = env.step(action)
             log.add(observation, info, over=terminated or truncated)
+            if kept is not None:
+                kept.add(action, observation, float(reward), terminated, truncated)
     finally:
         env.close()
-    return log.outcome
+    return replace(log.outcome, transitions=None if kept is None else kept.transitions())
 
 
 class EpisodeLog:

@@ -51,7 +51,7 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
     It can be copied and pickled: see `get_state`.
 
     Args:
-        world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
+        world: A world spec, several, a world, or worlds (see `albot_maps.load_worlds`).
         render_mode: `human`, `rgb_array` or None.
         settings: See `Settings`.
 
@@ -66,7 +66,7 @@ class SingleEnv(CopiedByState, gymnasium.Env[Any, Any], Generic[Robots]):
 
     def __init__(
         self,
-        world: Worlds = DEFAULT_WORLD,
+        world: Worlds | list[str] = DEFAULT_WORLD,
         *,
         render_mode: str | None = None,
         **settings: Unpack[Settings],
