@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import shlex
 import signal
 import subprocess
-import sys
 from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
@@ -32,6 +32,7 @@ from albot_env.recording.writer import EpisodeWriter
 from tests.cli.test_evaluate import Albot, run
 from tests.cli.test_play import _environment
 from tests.env import quick
+from tests.processes import ALBOT, running, wait_until
 
 assert run  # The fixture.
 WORDS = ("evaluate", "homing", "--worlds", "square-loop", "--outward", "5..6", "--json")
@@ -171,14 +172,10 @@ def test_an_error_on_the_way_leaves_no_folder(
 
 def test_ctrl_c_leaves_whole_episodes_and_their_list(tmp_path: Path) -> None:
     words = (*WORDS, "--agent", "random", "--seeds", "1..2000", "--steps", "40", "--jobs", "2")
-    command = [sys.executable, "-m", "albot_cli.main", *words, "--record", "kept"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        command, cwd=tmp_path, env=_environment(), stdout=pipe, stderr=pipe, text=True
-    ) as process:
-        while not list(tmp_path.glob("kept/*.mcap")):
-            assert process.poll() is None
-        process.send_signal(signal.SIGINT)
+    command = [*ALBOT, *words, "--record", "kept"]
+    with running(command, tmp_path, _environment()) as process:
+        wait_until(lambda: any(tmp_path.glob("kept/*.mcap")))
+        os.killpg(process.pid, signal.SIGINT)  # As the terminal does: the workers get it, too.
         out, _ = process.communicate(timeout=60)
     assert process.returncode == 130
     found = json.loads(out)

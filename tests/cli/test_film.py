@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from math import ceil
 from pathlib import Path
@@ -22,6 +20,7 @@ from albot_env.rendering.mosaic import tile_size
 from albot_env.rendering.video import VideoWriter
 from tests.cli.test_play import SHORT, Done, Play, _environment, play
 from tests.env.rendering.test_video import read_mp4
+from tests.processes import ALBOT, running, wait_until
 
 assert play  # The fixture.
 ROOM = ("--world", "square-loop", "--mapper", "odometry", "--steps", "12")
@@ -169,16 +168,12 @@ def test_without_the_extra_a_line_says_what_to_install(
 
 def test_ctrl_c_leaves_the_episode_and_no_video(tmp_path: Path) -> None:
     words = ("play", *SHORT[:-1], "100000", "--video", "a.mp4", "--speed", "0.2")
-    command = [sys.executable, "-m", "albot_cli.main", *words]
-    with subprocess.Popen(
-        command, cwd=tmp_path, env=_environment(), stderr=subprocess.PIPE, text=True
-    ) as process:
-        while not list(tmp_path.glob(".a.mp4.*")):  # The unfinished video.
-            assert process.poll() is None
+    with running([*ALBOT, *words], tmp_path, _environment()) as process:
+        wait_until(lambda: any(tmp_path.glob(".a.mp4.*")))  # The unfinished video.
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "episode.mcap holds the episode up to here" in err
+    assert b"episode.mcap holds the episode up to here" in err
     assert [path.name for path in tmp_path.iterdir()] == ["episode.mcap"]
 
 

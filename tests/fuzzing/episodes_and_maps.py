@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from albot_cli.export_source import read_source
 from albot_cli.mappers import read_mapper_config, read_robots_config
 from albot_core.export.geojson import write_geojson
 from albot_core.mappers.map_file import load_map, save_map
@@ -144,6 +145,7 @@ def _play(path: Path) -> None:
 def _map(path: Path) -> None:
     """Lead a mapper through a recorded episode."""
     mapper = make_mapper("odometry")
+    read_source(path)
     for reading in read_log_or_episode(path).readings:
         mapper.update(reading)
 
@@ -159,7 +161,7 @@ def episode_readers() -> Iterator[Reader]:
     )
     yield Reader(
         name="episode as a log",
-        functions=(read_episode_log, read_log_or_episode),
+        functions=(read_episode_log, read_log_or_episode, read_source),
         write=_write_episode,
         read=lambda folder: _map(folder / "episode.mcap"),
     )
