@@ -27,11 +27,12 @@ from albot_site.command_line import command_line_page
 from albot_site.configurations import configuration_pages, own_tasks
 from albot_site.film import film
 from albot_site.formats import format_pages
-from albot_site.gallery import draw, gallery_page, shots
+from albot_site.gallery import Shot, draw, gallery_page, shots
 from albot_site.reference import api_pages
 from albot_site.sources import addresses, modules, relink
 from albot_site.tutorials import notebooks, read_cells, run_cells
 from tests.conftest import ROOT
+from tests.env.rendering.test_video import read_mp4
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s#]+)")
 
@@ -144,6 +145,19 @@ def test_a_picture_of_the_gallery_is_drawn_by_its_command(tmp_path: Path) -> Non
         assert picture.size[0] <= 1000
         assert len(picture.convert("RGB").getcolors(1 << 16) or ()) > 1
     assert drawn.stat().st_size < 100_000
+
+
+def test_what_acts_has_a_clip_beside_its_picture(tmp_path: Path) -> None:
+    shot = Shot(
+        group="Agents",
+        name="one",
+        text="",
+        command="albot play explore --world square-loop --mapper odometry --headless --steps 20",
+    )
+    draw(shot, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"agents-one.png", "agents-one.mp4"}
+    pictures, _ = read_mp4(tmp_path / "agents-one.mp4")
+    assert len(pictures) > 1
 
 
 def test_the_film_moves(tmp_path: Path) -> None:

@@ -1,4 +1,7 @@
-"""The gallery: a picture of each mapper, task, kind of world and agent, drawn by one command."""
+"""The gallery: each mapper, task, kind of world and agent, drawn by one command.
+
+What acts has a picture and a clip, a world has a picture.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,8 @@ from albot_site.sources import ROOT
 FOLDER = ROOT / "docs/gallery"
 """Where the pictures are; git ignores them."""
 _WIDTH, _COLOURS = 1000, 64
+_SPEED = "40"
+"""How many times faster than real time a clip is."""
 _STEPS = {"explore": 2500, "place-recognition": 30}
 """Steps of an episode that shows something, by task; the others end by themselves."""
 
@@ -48,6 +53,11 @@ class Shot:
     def file(self) -> str:
         """The name of its file."""
         return f"{self.group.split()[0].lower()}-{self.name.replace(':', '-')}.png"
+
+    @property
+    def clip(self) -> str | None:
+        """The name of the file of its clip; None for what does not move."""
+        return f"{Path(self.file).stem}.mp4" if self.command.startswith("albot play") else None
 
 
 def shots() -> Iterator[Shot]:
@@ -75,7 +85,7 @@ def shots() -> Iterator[Shot]:
 
 
 def draw(shot: Shot, folder: Path = FOLDER) -> None:
-    """Draw a picture by its command, and write it small.
+    """Draw a picture and a clip by their command, and write them small.
 
     Raises:
         InputError: The command refuses its work, as where an extra is not installed.
@@ -86,11 +96,15 @@ def draw(shot: Shot, folder: Path = FOLDER) -> None:
         words = [*shlex.split(shot.command)[1:], "--png", str(png), "--json"]
         if words[0] == "play":
             words += ["--record", str(Path(place) / "shot.mcap")]
+            words += ["--video", str(Path(place) / "shot.mp4"), "--speed", _SPEED]
         with redirect_stdout(StringIO()):
             albot.main(words, standalone_mode=False)
         with Image.open(png) as drawn:
             small = drawn.convert("RGB")
             small.thumbnail((_WIDTH, 4 * _WIDTH), Image.Resampling.LANCZOS)
+        if shot.clip is not None:
+            with atomic_write(folder / shot.clip) as stream:
+                stream.write((Path(place) / "shot.mp4").read_bytes())
     with atomic_write(folder / shot.file) as stream:
         small.quantize(_COLOURS).save(stream, "PNG", optimize=True)
 
@@ -117,10 +131,11 @@ def draw_all(again: bool, chosen: str) -> list[str]:
 
 
 def gallery_page() -> str:
-    """Return the page of all pictures, each with its command; those that are drawn are shown."""
+    """Return the page of all pictures and clips, each with its command; those drawn are shown."""
     parts = [
         "# Gallery\n",
-        "Each mapper, task, agent and kind of world, with the command that draws it. "
+        "Each mapper, task, agent and kind of world, with the command that draws it; clips are "
+        "40 times faster than real time (`--video FILE --speed 40`). "
         "`python -m albot_site gallery` draws all in some minutes, in a clone of the repository; "
         "pictures that are not drawn yet are missing here.\n",
     ]
@@ -132,4 +147,9 @@ def gallery_page() -> str:
         parts += [f"### {shot.name}\n", f"{shot.text}\n", f"`{shot.command}`\n"]
         if (FOLDER / shot.file).exists():
             parts.append(f"![{shot.name}](gallery/{shot.file}){{ loading=lazy }}\n")
+        if shot.clip is not None and (FOLDER / shot.clip).exists():
+            parts.append(
+                f'<video src="gallery/{shot.clip}" controls loop muted preload="none" '
+                f'aria-label="{shot.name}" style="max-width: 100%"></video>\n'
+            )
     return "\n".join(parts)
