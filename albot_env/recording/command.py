@@ -13,6 +13,8 @@ OPTIONS = ("world", "mapper", "robot", "laser", "odometer", "sonar", "scenes")
 """Settings that are options of `albot play` by the same name, if they are texts."""
 FILES = {"config": "config.yml", "mapper_config": "mapper.yml"}
 """Settings that `albot play` takes from a file, and the name that the file gets."""
+_NOBODY = ("", "keyboard")
+"""Agents that the command cannot let act again: an unknown one, and a person."""
 _OTHERS = ("render_mode", "movables", *OPTIONS, *FILES)
 
 
@@ -20,14 +22,14 @@ def play_command(header: EpisodeHeader, steps: int) -> str:
     """Return lines for a shell that make an episode again, by `albot play`.
 
     A configuration becomes a file in the present folder. JSON is YAML, too. The text is empty if
-    the command cannot make the episode: no seed is known, a setting is none of its options, or the
-    header does not hold the environment (`EpisodeHeader.spec`).
+    the command cannot make the episode: no seed or agent is known, a person drove, a setting is
+    none of its options, or the header does not hold the environment (`EpisodeHeader.spec`).
 
     Args:
         header: The episode's header.
         steps: Number of steps of the episode.
     """
-    if header.spec is None or header.seed is None:
+    if header.spec is None or header.seed is None or header.agent in _NOBODY:
         return ""
     settings = dict(header.spec.get("kwargs") or {})
     texts = {name: settings[name] for name in OPTIONS if settings.get(name) is not None}
@@ -43,7 +45,7 @@ def play_command(header: EpisodeHeader, steps: int) -> str:
         words += [f"--{name}", value]
     for name in configs:
         words += [f"--{name.replace('_', '-')}", FILES[name]]
-    words += ["--agent", header.agent] if header.agent else []
+    words += ["--agent", header.agent]
     words += ["--no-movables"] if settings.get("movables") is False else []
     words += ["--seed", str(header.seed), "--steps", str(max(steps, 1))]
     files = [_file(FILES[name], each) for name, each in configs.items()]

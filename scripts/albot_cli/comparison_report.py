@@ -183,7 +183,13 @@ def write_page(
         command: The command that makes the comparison again.
     """
     log, truth = source.log, source.reference
-    drawn = [result for result in results if result.track is not None]
+    order = [row["mapper"] for row in facts["rows"]]
+    first = [each for each in results if each.figures["seed"] == source.seed]
+    first.sort(key=lambda result: order.index(result.figures["mapper"]))
+    drawn = [result for result in first if result.track is not None]
+    died = [
+        f"{each.figures['mapper']}: {each.figures['error']}" for each in first if not each.track
+    ]
     errors: dict[str, np.ndarray] = {}
     poses = None
     if truth is not None and is_stamped(log, truth):
@@ -203,7 +209,12 @@ def write_page(
             walls = None if walls is None else transform_segments(frame, walls)
     content = comparison_page(
         f"mappers on {facts['source']}",
-        {"drive": facts["source"], "seed": source.seed, "readings": len(log.readings)},
+        {
+            "drive": facts["source"],
+            "seed": source.seed,
+            "readings": len(log.readings),
+            "without a map": "; ".join(died),
+        },
         readings=log.readings,
         tracks=[result.track for result in drawn if result.track is not None],
         errors=errors,

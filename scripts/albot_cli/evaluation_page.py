@@ -77,6 +77,11 @@ def index_page(title: str, notes: Sequence[str], outcomes: Sequence[Outcome]) ->
 """
 
 
+def number_text(number: float) -> str:
+    """Return a number with three digits, or with all before the point if those are more."""
+    return f"{number:.3g}" if abs(number) < 999.5 else f"{number:.0f}"
+
+
 def _card(outcome: Outcome, recording: Recording, tells_agent: bool) -> str:
     """Return the card of an episode."""
     success = outcome.info.get("is_success")
@@ -87,7 +92,7 @@ def _card(outcome: Outcome, recording: Recording, tells_agent: bool) -> str:
     page = _link(recording.page)
     figures = {"time": f"{clock_time(recording.seconds)} ({many(recording.steps, 'step')})"}
     found = episode_figures(outcome)
-    figures |= {FIGURES[key]: f"{found[key]:.3g}" for key in FIGURES if key in found}
+    figures |= {FIGURES[key]: number_text(found[key]) for key in FIGURES if key in found}
     figures.pop(FIGURES["success"], None)
     rows = "\n".join(
         f"<dt>{html.escape(label)}</dt><dd>{html.escape(value)}</dd>"

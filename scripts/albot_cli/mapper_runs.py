@@ -178,8 +178,8 @@ class _Follower:
     """Takes down what a mapper believes as it runs."""
 
     def __init__(self, run: MapperRun) -> None:
-        stamps = run.source.log.stamps
-        interval = float(stamps[-1] - stamps[0]) / MAP_VERSIONS
+        times = run.source.log.times
+        interval = float(times[-1] - times[0]) / (MAP_VERSIONS - 1)  # The last map is one more.
         self.writer = TrackWriter(run.choice.label, np.zeros(3), map_interval=interval)
         self._version = -1
 

@@ -10,7 +10,7 @@ import numpy as np
 from albot_core.geometry.types import Poses, Segments
 from albot_core.sensing.reading import Reading
 from albot_env.rendering.page.document import document
-from albot_env.rendering.page.episode_page import centimetres
+from albot_env.rendering.page.episode_page import centimetres, single
 from albot_env.rendering.page.tables import Arrays, LifetimeTable, millimetres
 from albot_env.rendering.page.tracks import Track, pose_numbers
 
@@ -47,7 +47,7 @@ def comparison_page(
         "poses": pose_numbers(known),
         "walls": millimetres(np.empty((0, 4)) if walls is None else walls),
         **{f"things.{name}": each for name, each in LifetimeTable(4).arrays.items()},
-        **{f"curve.{k}": each.astype(np.float32) for k, each in enumerate(errors.values())},
+        **{f"curve.{k}": single(each) for k, each in enumerate(errors.values())},
     }
     for number, track in enumerate(tracks):
         arrays |= {f"track.{number}.{name}": each for name, each in track.arrays.items()}

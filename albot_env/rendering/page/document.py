@@ -21,9 +21,11 @@ FORMAT = 1
 ACROSS = "scans"
 """The array whose numbers resemble those beside them; others resemble those above them."""
 _PLAYER = Path(__file__).parent / "player"
-_SCRIPTS = ("uPlot.iife.min.js", "data.js", "view.js", "curves.js", "timeline.js", "player.js")
+_SCRIPTS = ("data.js", "view.js", "curves.js", "timeline.js", "player.js")
 _STYLES = ("uPlot.min.css", "player.css")
-_VENDORED = ("uPlot.iife.min.js", "uPlot.min.css")
+_LIBRARY = "uPlot.iife.min.js"
+"""A script that is large, and is therefore compressed with the data."""
+_VENDORED = (_LIBRARY, "uPlot.min.css")
 _COMMENTS = ("//", "/**", "* ", "*/")
 """Beginnings of lines that are comments."""
 
@@ -37,7 +39,8 @@ def document(title: str, facts: Mapping[str, Any], arrays: Arrays) -> bytes:
         arrays: Arrays, by name.
     """
     blob, index = _packed(arrays)
-    manifest = json.dumps({**facts, "format": FORMAT, "arrays": index}, allow_nan=False).encode()
+    ours = {"format": FORMAT, "arrays": index, "library": _read(_LIBRARY)}
+    manifest = json.dumps({**facts, **ours}, allow_nan=False).encode()
     content = len(manifest).to_bytes(4, "little") + manifest
     content += b"\0" * (-len(content) % 8) + blob
     # In base64, so that no name in it can end the element. No time, so that bytes repeat.

@@ -127,8 +127,8 @@ class EpisodeTracker:
             "poses": pose_numbers(poses),
             "walls": millimetres(header.walls),
             "way_out": millimetres(header.way_out),
-            **{f"term.{k}": np.array(each, np.float32) for k, each in enumerate(sums.values())},
-            **{f"curve.{k}": each.astype(np.float32) for k, each in enumerate(curves.values())},
+            **{f"term.{k}": single(np.array(each)) for k, each in enumerate(sums.values())},
+            **{f"curve.{k}": single(each) for k, each in enumerate(curves.values())},
             **{f"things.{name}": each for name, each in self._obstacles.arrays.items()},
             **{f"track.0.{name}": each for name, each in track.arrays.items()},
         }
@@ -140,7 +140,7 @@ class EpisodeTracker:
                 "world": header.world,
                 "mapper": header.mapper,
                 "odometer": header.odometer,
-                "seed": header.seed,
+                "seed": None if header.seed is None else str(header.seed),
             },
             "command": play_command(header, self.steps - 1),
             "start": header.start.tolist(),
@@ -173,6 +173,12 @@ class EpisodeTracker:
             if len(known) and (known != known[0]).any():
                 found[name] = numbers
         return found
+
+
+def single(numbers: np.ndarray) -> np.ndarray:
+    """Return numbers in single precision; those that it cannot hold are infinite."""
+    with np.errstate(over="ignore"):
+        return numbers.astype(np.float32)
 
 
 def centimetres(scan: LaserScan) -> np.ndarray:

@@ -145,7 +145,10 @@ class TrackWriter:
         self._packets.append(activity.packet)
 
     def track(self) -> Track:
-        """Return all that was taken down."""
+        """Return all that was taken down, with the last map."""
+        if self._waiting is not None:
+            self._add_map(len(self._beliefs) - 1, self._waiting[1])
+            self._waiting = None
         beliefs = np.reshape(self._beliefs, (-1, 3)).astype(np.float64)
         believed = compose(self._start, beliefs)
         arrays = {

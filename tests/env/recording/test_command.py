@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,8 +53,6 @@ def test_what_no_option_can_say_gives_no_command(changed: dict[str, object]) -> 
     assert play_command(_header(**changed), 5) == ""
 
 
-def test_an_episode_without_seed_or_spec_gives_no_command() -> None:
-    for name in ("seed", "spec"):
-        header = _header(world="office")
-        object.__setattr__(header, name, None)
-        assert play_command(header, 5) == ""
+def test_an_episode_without_seed_spec_or_agent_gives_no_command() -> None:
+    for changed in ({"seed": None}, {"spec": None}, {"agent": ""}, {"agent": "keyboard"}):
+        assert play_command(replace(_header(world="office"), **changed), 5) == ""

@@ -42,6 +42,7 @@ class Chart {
           label: name,
           stroke: player.colour(PALETTE[k % PALETTE.length]),
           width: 1.4,
+          spanGaps: true,
           points: { show: false },
           value: shown,
         })),
@@ -49,6 +50,16 @@ class Chart {
     }, [player.episode.times, ...curves.map(({ values }) => values)], this.holder);
     this.plot.over.append(this.line);
     this.holder.querySelector("canvas").setAttribute("aria-hidden", "true");
+    for (const label of this.holder.querySelectorAll(".u-series:not(:first-child) th")) {
+      label.tabIndex = 0;
+      label.setAttribute("role", "button");
+      label.addEventListener("keydown", (event) => {
+        if (![" ", "Enter"].includes(event.key)) return;
+        event.preventDefault();
+        event.stopPropagation(); // Or the episode plays.
+        label.click();
+      });
+    }
     this.plot.over.addEventListener("click", (event) => {
       // After a drag uPlot has zoomed; a plain click seeks.
       if (this.plot.select.width < 2) {

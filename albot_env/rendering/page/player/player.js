@@ -7,8 +7,15 @@ const KEYS = [
   ["space", "play, pause"], ["n, b", "one step on, back"], ["← →", "10 s back, on"],
   ["home, end", "the beginning, the end"], ["+ −", "twice, half as fast"],
   ["e, shift e", "next event, event before"], ["f", "follow the robot"], ["0", "show all"],
-  ["d", "light or dark"], ["wheel, drag", "zoom, pan"], ["? h", "show or hide this help"],
+  ["wheel, [ ]", "zoom"], ["drag, shift ← → ↑ ↓", "pan"], ["d", "light or dark"],
+  ["? h", "show or hide this help"],
 ];
+
+/** Return a curve with null, a gap, where a value is not finite. */
+function plotted({ name, values }) {
+  const whole = values.every(Number.isFinite);
+  return { name, values: whole ? values : Array.from(values, (n) => (Number.isFinite(n) ? n : null)) };
+}
 
 /** What the page's data says of the episode. */
 class Episode {
@@ -27,11 +34,8 @@ class Episode {
     this.bearings = values("bearings");
     this.things = new LifetimeTable(arrays, "things.");
     const curve = (prefix) => (name, k) => ({ name, values: values(`${prefix}.${k}`) });
-    this.terms = facts.terms.map(curve("term"));
-    // NaN is no number for a chart: a gap.
-    this.curves = facts.curves.map(curve("curve")).map(({ name, values: numbers }) => ({
-      name, values: numbers.some(Number.isNaN) ? Array.from(numbers, (n) => (n === n ? n : null))
-        : numbers }));
+    this.terms = facts.terms.map(curve("term")).map(plotted);
+    this.curves = facts.curves.map(curve("curve")).map(plotted);
     this.tracks = facts.tracks.map((each, k) => new Track(each, arrays, `track.${k}.`));
   }
 
@@ -171,13 +175,30 @@ class Player {
       f: () => this.toggleFollow(),
       0: () => this.fitAll(),
       d: () => this.theme(),
+      "[": () => this.zoom(1 / 1.3),
+      "]": () => this.zoom(1.3),
       "?": () => this.help(),
       h: () => this.help(),
     };
-    const act = acts[event.key];
+    const pans = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
+    const act = event.shiftKey && pans[event.key] ? () => this.pan(...pans[event.key])
+      : acts[event.key];
     if (!act) return;
     event.preventDefault();
     act();
+  }
+
+  /** Zoom about the middle. */
+  zoom(factor) {
+    this.camera.zoom(factor, 0, 0);
+    this.redraw();
+  }
+
+  /** Move the pictures by pixels. */
+  pan(dx, dy) {
+    this.camera.pan(dx, dy);
+    this.follow = false;
+    this.redraw();
   }
 
   help() {
@@ -225,7 +246,7 @@ class Player {
   }
 
   toggleFollow() {
-    this.follow = !this.follow;
+    this.follow = !this.follow && this.panels.length > 0;
     if (this.follow && this.camera.fitted) this.camera.scale *= 3;
     this.camera.fitted = false;
     this.redraw();
@@ -303,6 +324,7 @@ class Player {
   }
 
   loop(now) {
+    requestAnimationFrame((next) => this.loop(next));
     if (this.playing) {
       if (this.before !== null) this.advance(((now - this.before) / 1000) * this.speed);
       this.before = now;
@@ -311,7 +333,6 @@ class Player {
       this.stale = false;
       this.draw();
     }
-    requestAnimationFrame((next) => this.loop(next));
   }
 
   /** Advance by simulated seconds. */
@@ -382,6 +403,7 @@ class Player {
   const failed = document.getElementById("failed");
   try {
     const data = await readData(document.getElementById("data").textContent);
+    document.head.append(element("script", { text: data.facts.library })); // It draws the curves.
     window.player = new Player(new Episode(data));
     failed.remove();
     document.documentElement.dataset.ready = "true";

@@ -6,6 +6,9 @@ const STYLES = { map: "faint", place: "place", right: "home", wrong: "believed",
 const NAMES = { map: "map updates", place: "places", right: "right", wrong: "wrong",
   contact: "contact", room: "rooms", end: "other" };
 
+/** Largest number of events in the list. */
+const MOST_LISTED = 2000;
+
 class Timeline {
   constructor(episode, player) {
     this.episode = episode;
@@ -15,9 +18,10 @@ class Timeline {
       step: "1", value: "0", "aria-label": "step of the episode" });
     this.root = element("div", { class: "timeline" }, this.canvas, this.slider);
     this.slider.addEventListener("input", () => player.seek(Number(this.slider.value)));
-    // The player's keys hold everywhere; those of a slider would move by one step twice.
+    // The player's keys hold everywhere; here the slider would move, too.
     this.slider.addEventListener("keydown", (event) => {
-      if (!["Tab", "PageUp", "PageDown"].includes(event.key)) event.preventDefault();
+      const own = ["ArrowLeft", "ArrowRight", "Home", "End"].includes(event.key);
+      if (own && !event.ctrlKey && !event.metaKey && !event.altKey) event.preventDefault();
     });
     new ResizeObserver(() => this.draw()).observe(this.canvas);
     this.list = element("ol", { class: "events" });
@@ -62,7 +66,8 @@ class Timeline {
   fill() {
     const { episode, player } = this;
     this.events = episode.events.filter(({ kind }) => this.shown.has(kind));
-    this.items = this.events.map(({ step, kind, text }) => {
+    this.steps = this.events.map(({ step }) => step);
+    this.items = this.events.slice(0, MOST_LISTED).map(({ step, kind, text }) => {
       const button = element("button", { type: "button" },
         element("span", { class: "swatch", style: `background:var(--${STYLES[kind]})` }),
         element("time", { text: clock(episode.times[step]) }), ` ${text}`);
@@ -70,6 +75,8 @@ class Timeline {
       return element("li", {}, button);
     });
     this.list.replaceChildren(...this.items);
+    const more = this.events.length - this.items.length;
+    if (more) this.list.append(element("li", { text: `and ${more} more, on the line of time` }));
     this.current = -1;
     this.show(player.step);
   }
@@ -78,7 +85,7 @@ class Timeline {
     this.slider.value = String(step);
     const at = clock(this.episode.times[step]);
     this.slider.setAttribute("aria-valuetext", `step ${step}, ${at}`);
-    const current = countUpTo(this.events.map((event) => event.step), step) - 1;
+    const current = countUpTo(this.steps, step) - 1;
     if (current === this.current) return;
     if (this.items[this.current]) this.items[this.current].removeAttribute("aria-current");
     this.current = current;
@@ -86,13 +93,13 @@ class Timeline {
     if (item) {
       item.setAttribute("aria-current", "true");
       const { list } = this;
-      list.scrollTop = item.offsetTop - list.offsetTop - list.clientHeight / 2;
+      list.scrollTop = item.offsetTop - list.clientHeight / 2;
     }
   }
 
   /** Return the step of the next shown event, or of the one before; null if there is none. */
   neighbour(step, forward) {
-    const steps = this.events.map((event) => event.step);
+    const { steps } = this;
     const later = countUpTo(steps, step);
     const k = forward ? later : countUpTo(steps, step - 1) - 1;
     return k >= 0 && k < steps.length ? steps[k] : null;

@@ -19,6 +19,13 @@ class Camera {
     this.fitted = true;
   }
 
+  /** Move what is shown by pixels. */
+  pan(dx, dy) {
+    this.x -= dx / this.scale;
+    this.y += dy / this.scale;
+    this.fitted = false;
+  }
+
   /** Zoom by a factor so that the point at a place of the panel stays there. */
   zoom(factor, dx, dy) {
     const scale = Math.min(Math.max(this.scale * factor, 1e-4), 5);
@@ -57,7 +64,7 @@ class Panel {
 
   listen() {
     const { canvas, camera, player } = this;
-    let held = null;
+    const held = new Map(); // Where each finger or the mouse was last.
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       const { left, top, width, height } = canvas.getBoundingClientRect();
@@ -66,25 +73,43 @@ class Panel {
       player.redraw();
     }, { passive: false });
     canvas.addEventListener("pointerdown", (event) => {
-      held = [event.clientX, event.clientY];
+      if (event.button) return;
+      held.set(event.pointerId, [event.clientX, event.clientY]);
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
-      if (held) {
-        camera.x -= (event.clientX - held[0]) / camera.scale;
-        camera.y += (event.clientY - held[1]) / camera.scale;
-        camera.fitted = false;
-        player.follow = false;
-        held = [event.clientX, event.clientY];
-        player.redraw();
+      if (!event.buttons) held.delete(event.pointerId);
+      const before = held.get(event.pointerId);
+      if (before) {
+        const now = [event.clientX, event.clientY];
+        held.set(event.pointerId, now);
+        if (held.size === 1) this.pan(now[0] - before[0], now[1] - before[1]);
+        else this.pinch(event.pointerId, before, now, held);
       }
       this.inspect(event);
     });
     for (const name of ["pointerup", "pointercancel"]) {
-      canvas.addEventListener(name, () => { held = null; });
+      canvas.addEventListener(name, (event) => held.delete(event.pointerId));
     }
     canvas.addEventListener("pointerleave", () => { this.note.hidden = true; });
     canvas.addEventListener("dblclick", () => player.fit(camera));
+  }
+
+  /** Move the picture by pixels. */
+  pan(dx, dy) {
+    this.camera.pan(dx, dy);
+    this.player.follow = false;
+    this.player.redraw();
+  }
+
+  /** Zoom as one of two fingers moves, about the other one. */
+  pinch(id, before, now, held) {
+    const other = [...held].find(([each]) => each !== id)[1];
+    const distance = ([x, y]) => Math.max(Math.hypot(x - other[0], y - other[1]), 1);
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    this.camera.zoom(distance(now) / distance(before), other[0] - left - width / 2,
+      other[1] - top - height / 2);
+    this.player.redraw();
   }
 
   /** Show what is under the pointer. */

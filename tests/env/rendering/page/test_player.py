@@ -258,6 +258,79 @@ def test_hostile_names_are_text(browser: Any, recorded: Path, tmp_path: Path) ->
     opened.page.close()
 
 
+def test_the_list_follows_the_episode(browser: Any, recorded: Path, tmp_path: Path) -> None:
+    reader = EpisodeReader(recorded)
+    tracker = EpisodeTracker(reader.header)
+    for step, moment in enumerate(reader.moments()):
+        tracker.add(replace(moment, room=f"room {step}"))
+    (tmp_path / "a.html").write_bytes(tracker.page("a"))
+    opened = Opened(browser, tmp_path / "a.html")
+    for key in ("End", "ArrowLeft"):
+        opened.press(key)
+        opened("player.seek(player.step || 1)")  # Before the first event none is current.
+        inside = opened(
+            "(() => { const place = (name) => document.querySelector(name).getBoundingClientRect();"
+            "const [list, item] = [place('.events'), place('.events [aria-current]')];"
+            "return [item.top - list.top, list.bottom - item.bottom]; })()"
+        )
+        assert min(inside) > -1
+    opened.page.close()
+
+
+def test_curves_leave_out_what_is_no_number(browser: Any, recorded: Path, tmp_path: Path) -> None:
+    reader = EpisodeReader(recorded)
+    tracker = EpisodeTracker(reader.header)
+    for step, moment in enumerate(reader.moments()):
+        odd = {3: np.nan, 7: 1e300}.get(step, float(step))
+        facts = {**moment.facts, "odd": odd, "rare": step if step % 3 == 0 else None}
+        tracker.add(replace(moment, facts=facts))
+    (tmp_path / "a.html").write_bytes(tracker.page("a"))
+    opened = Opened(browser, tmp_path / "a.html")
+    odd = opened("player.episode.curves.find(({ name }) => name === 'odd').values")
+    assert [odd[k] for k in (2, 3, 6, 7)] == [2, None, 6, None]
+    opened.page.get_by_role("combobox").select_option(label="odd")
+    assert opened("player.charts[player.charts.length - 1].plot.scales.y.max") == pytest.approx(
+        40, rel=0.2
+    )
+    assert opened.problems == []
+    opened.page.close()
+
+
+def test_the_slider_leaves_the_browser_its_keys(opened: Opened) -> None:
+    opened.page.get_by_role("slider").focus()
+    assert opened.press("ArrowRight") == 40
+    prevented = (
+        "['F5', 'ArrowUp', 'r'].map((key) => !document.querySelector('.timeline input')"
+        ".dispatchEvent(new KeyboardEvent('keydown', { key, ctrlKey: key === 'r', "
+        "bubbles: true, cancelable: true })))"
+    )
+    assert opened(prevented) == [False, False, False]
+
+
+def test_keys_zoom_and_pan_and_work_the_legends_of_curves(opened: Opened) -> None:
+    scale, x = opened("[player.camera.scale, player.camera.x]")
+    opened.press("]")
+    assert opened("player.camera.scale") == pytest.approx(1.3 * scale)
+    opened.press("[", "Shift+ArrowRight")
+    assert opened("player.camera.x") == pytest.approx(x + 60 / scale)
+    label = opened.page.locator(".u-series th[role=button]").first
+    label.focus()
+    opened.press("Enter")
+    assert opened("player.charts[0].plot.series[1].show") is False
+
+
+def test_two_fingers_zoom_about_each_other(opened: Opened) -> None:
+    scale = opened("player.camera.scale")
+    opened(
+        "(() => { const canvas = player.panels[0].canvas; canvas.setPointerCapture = () => 0;"
+        "const box = canvas.getBoundingClientRect();"
+        "const send = (type, pointerId, x) => canvas.dispatchEvent(new PointerEvent(type, {"
+        "pointerId, clientX: box.left + x, clientY: box.top + 50, buttons: 1 }));"
+        "send('pointerdown', 1, 50); send('pointerdown', 2, 150); send('pointermove', 1, 0); })()"
+    )
+    assert opened("player.camera.scale") == pytest.approx(1.5 * scale)
+
+
 def _grid(value: float) -> MapSnapshot:
     occupancy = np.full((4, 6), np.nan, np.float32)
     occupancy[1, 2:5] = value
@@ -274,6 +347,7 @@ def test_mappers_are_compared_over_one_line_of_time(browser: Any, tmp_path: Path
             pose = np.array((0.2 * k, number, 0.0))
             writer.add(reading.stamp, pose, -pose, _grid(k / 5) if k % 2 == 0 else None)
         tracks.append(writer.track())
+    assert [len(track.arrays["map_steps"]) for track in tracks] == [3, 3]
     errors = {"one": np.linspace(0, 1, 6), "two": np.full(6, np.nan)}
     page = comparison_page("a", {"drive": "b"}, readings=readings, tracks=tracks, errors=errors)
     (tmp_path / "a.html").write_bytes(page)
@@ -298,3 +372,23 @@ def test_data_of_another_format_is_told(browser: Any, tmp_path: Path) -> None:
     tab.goto((tmp_path / "a.html").as_uri())
     tab.get_by_role("alert").get_by_text("data of format 1").wait_for()
     tab.close()
+
+
+def test_the_last_map_is_kept_whatever_the_interval() -> None:
+    writer = TrackWriter("one", np.zeros(3), map_interval=1.0)
+    for k in range(4):
+        writer.add(0.3 * k, np.zeros(3), np.zeros(3), _grid(k / 3))
+    arrays = writer.track().arrays
+    assert arrays["map_steps"].tolist() == [0, 3]
+    assert arrays["0.values"].max() == 254
+
+
+def test_a_page_without_a_map_goes_on(browser: Any, tmp_path: Path) -> None:
+    readings = [Reading(stamp=0.5 * k, motion=np.zeros(3)) for k in range(3)]
+    page = comparison_page("a", {"drive": "b"}, readings=readings, tracks=[], errors={})
+    (tmp_path / "a.html").write_bytes(page)
+    opened = Opened(browser, tmp_path / "a.html")
+    opened.press("f", "End")
+    assert opened.page.locator("#clock").inner_text() == "0:01.0 / 0:01.0"
+    assert opened.problems == []
+    opened.page.close()
