@@ -37,6 +37,7 @@ from albot_core.yaml_document import format_value
 from albot_env.recording.activity import activity_from_message
 from albot_env.recording.episode import EpisodeHeader, Fact, Moment
 from albot_env.recording.layers import map_from_message
+from albot_env.recording.messages import FORMAT
 from albot_env.recording.schemas import EPISODE_HEADER
 
 RECORD_LIMIT = 64 << 20
@@ -185,6 +186,10 @@ class EpisodeReader:
         )
 
     def _header(self, content: dict[str, Any]) -> EpisodeHeader:
+        version = content.get("format") if isinstance(content, dict) else None
+        if isinstance(version, int) and version != FORMAT:
+            expected, found = f"{FORMAT}", f"{version}, of another version of albot"
+            raise InputError(self._path, expected, found, place="header/format")
         try:
             jsonschema.validate(content, EPISODE_HEADER)
         except jsonschema.ValidationError as error:

@@ -192,7 +192,7 @@ def command(
     facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped}
     facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
-    if place is not None:
+    if place is not None and dataset.size["episodes"]:
         facts["files"]["minari"] = place.load
         facts["minari"] = {**place.facts, **dataset.size}
     files = {"--mapper-config": mapper_config, "--config": config}
@@ -301,6 +301,7 @@ def _dataset_place(minari: str, force: bool) -> DatasetPlace:
         raise InputError("--minari", "the id of the data set or its folder", "nothing")
     place = DatasetPlace.of(minari)
     check_place(place, force=force)
+    check_folder(place.folder)
     return place
 
 

@@ -92,13 +92,15 @@ def _to_minari(files: tuple[Path, ...], out: str | None, force: bool) -> dict[st
     """Write episodes as one data set; return its facts."""
     from albot_cli.export_source import is_episode, torn_note
     from albot_core.file_kinds import kind_of
-    from albot_env.export.minari_dataset import DatasetPlace, new_minari_dataset
+    from albot_env.export.minari_dataset import DatasetPlace, check_place, new_minari_dataset
     from albot_env.export.replay import replay
     from albot_env.recording.reader import EpisodeReader
 
     if out is None:
         raise InputError("--out", "the id of the data set or its folder", "none")
     place = DatasetPlace.of(out)
+    check_place(place, force=force)
+    check_folder(place.folder)
     with (
         new_minari_dataset(place, force=force) as dataset,
         progress("export", len(files), "episodes") as update,
@@ -150,7 +152,8 @@ def _to_files(
             source = read(path)
             check_fits(source, name)
             known.write(source, pose, target if alone else scratch / target.name)
-            _tell(path, source.unread)
+            for note in (source.unread, *source.notes):
+                _tell(path, note)
             facts.append({"file": str(path), "kind": source.kind, "out": str(target)})
     return {"format": name, "files": facts}
 
@@ -169,6 +172,7 @@ def _targets(files: tuple[Path, ...], out: Path | None, suffix: str) -> list[Pat
 
 
 def _stem(path: Path) -> str:
+    path = path if path.name.strip(".") else path.resolve()
     return Path(path.stem).stem if path.suffix in _PACKED else path.stem
 
 

@@ -47,6 +47,8 @@ def _write_geojson(source: Source, pose: str | None, path: Path) -> None:
     snapshot = source.snapshot
     if not snapshot.layers:
         snapshot = MapSnapshot(layers=(TrajectoryLayer(poses=source.trajectory(pose).poses),))
+    else:
+        source.check_own_frame(pose)
     write_geojson(snapshot, path)
 
 

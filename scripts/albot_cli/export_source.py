@@ -63,6 +63,8 @@ class Source:
     """The sensor data; None in a map."""
     snapshot: MapSnapshot = EMPTY_MAP
     """The map; in an episode the last one."""
+    notes: tuple[str, ...] = ()
+    """What is to be said of a log."""
     unread: str = ""
     """What was not read of a torn episode or of a damaged log, and why; empty if all was."""
 
@@ -99,7 +101,13 @@ class Source:
             return laser_points(self.log, self.trajectory(pose).poses)
         if self.grid is None:
             raise InputError(self.path, "laser scans or an occupancy grid", "neither")
+        self.check_own_frame(pose)
         return PointCloud(points=self.grid.centres(OCCUPIED))
+
+    def check_own_frame(self, pose: str | None) -> None:
+        """Raise InputError if poses are asked for, on which a map does not depend."""
+        if pose is not None:
+            raise InputError("--pose", f"none for the map in {self.path}, which has a frame", pose)
 
     @property
     def content(self) -> str:
@@ -138,7 +146,9 @@ def read_source(path: Path, *, keep_going: bool = False, topics: BagTopics | Non
     if log.reference_trajectory is not None:
         trajectories[CORRECTED] = log.reference_trajectory
     unread = "" if log.unread is None else log.unread.reason
-    return Source(path=path, kind="log", trajectories=trajectories, log=log, unread=unread)
+    return Source(
+        path=path, kind="log", trajectories=trajectories, log=log, notes=log.notes, unread=unread
+    )
 
 
 def first_bytes(path: Path) -> bytes:

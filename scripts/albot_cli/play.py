@@ -193,6 +193,7 @@ def command(
         check_suffix(html, ".html", option="--html")
         check_file(html, force=force)
     if episode is not None:
+        _check_others(html, video, figure, episode)
         if png is not None:
             _check_picture(png, episode, force)
         _check_play_back(ctx)
@@ -261,10 +262,25 @@ def _free_names(record: Path | None, png: Path | None) -> tuple[Path, Path]:
     raise AssertionError
 
 
+def _check_others(
+    html: Path | None, video: Path | None, figure: FigureFile | None, episode: Path
+) -> None:
+    """Raise InputError if one of the files would overwrite the episode."""
+    written = {"--html": html, "--video": video, "--figure": figure.path if figure else None}
+    for option, path in written.items():
+        if path is not None:
+            _check_other(option, path, episode)
+
+
+def _check_other(option: str, path: Path, episode: Path) -> None:
+    """Raise InputError if a file would overwrite the episode."""
+    if path.resolve() == episode.resolve():
+        raise InputError(option, "a file other than the episode", str(path))
+
+
 def _check_picture(png: Path, episode: Path, force: bool) -> None:
     """Raise InputError if the picture cannot be written, or would overwrite the episode."""
-    if png.resolve() == episode.resolve():
-        raise InputError("--png", "a file other than the episode", str(png))
+    _check_other("--png", png, episode)
     check_png(png, force=force)
 
 

@@ -284,6 +284,8 @@ def test_an_evaluation_becomes_a_data_set(call: Call, tmp_path: Path) -> None:
     assert found[0].env_spec == found[1].env_spec
     expect_error(call(*words, "--minari", tmp_path / "1"), "--force")
     expect_error(call(*words, "--minari", ""), "--minari", "nothing")
+    (tmp_path / "file").touch()
+    expect_error(call(*words, "--minari", tmp_path / "file" / "a"), "a folder to write to")
 
 
 def test_the_completed_names_are_those_of_the_registry() -> None:

@@ -221,6 +221,21 @@ def test_a_picture_never_takes_the_place_of_the_episode(play: Play, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
+    ("option", "name"), [("--html", "a.html"), ("--video", "a.mp4"), ("--figure", "a.svg")]
+)
+def test_nothing_takes_the_place_of_the_episode(
+    play: Play, tmp_path: Path, option: str, name: str
+) -> None:
+    assert play(*SHORT).returncode == 0
+    (tmp_path / "episode.mcap").rename(tmp_path / name)
+    before = (tmp_path / name).read_bytes()
+    done = play(name, "--headless", "--force", option, name)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{option}: expected a file other than the episode" in done.stderr
+    assert (tmp_path / name).read_bytes() == before
+
+
+@pytest.mark.parametrize(
     "option",
     [("--world", "square-loop"), ("--laser", "short"), ("--sonar", "none"), ("--no-movables",)],
 )

@@ -35,6 +35,7 @@ from albot_core.ros.messages import (
     check_rosbags,
     ros2_types,
 )
+from albot_core.ros.scans import above
 from albot_core.sensing.reading import LaserGeometry
 
 if TYPE_CHECKING:
@@ -133,6 +134,10 @@ class _Maker:
     def scan(self, stamp: int, laser: LaserGeometry, ranges: Ranges, period: float) -> Any:
         """Return a LaserScan; `period` is the time between scans (s)."""
         last = laser.first_bearing + (laser.beams - 1) * laser.spacing
+        sent, reach = ranges.astype(np.float32), laser.max_range
+        # Readers take a range of range_max for no return; single precision may round up to it.
+        if (sent >= np.float32(reach)).any(where=np.isfinite(ranges)):
+            reach = above(reach)
         return self._types[SCAN](
             header=self._header(stamp, LASER),
             angle_min=laser.first_bearing,
@@ -141,8 +146,8 @@ class _Maker:
             time_increment=0.0,
             scan_time=period,
             range_min=0.0,
-            range_max=laser.max_range,
-            ranges=ranges.astype(np.float32),
+            range_max=reach,
+            ranges=sent,
             intensities=np.empty(0, np.float32),
         )
 

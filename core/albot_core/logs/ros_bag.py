@@ -78,6 +78,8 @@ class _Chosen(NamedTuple):
     odometry: str | None
     """None if the odometer's poses are among the transforms."""
     truth: str | None
+    truths: tuple[str, ...]
+    """All topics that could be the truth; of several none is."""
     transforms: tuple[str, ...]
 
 
@@ -99,7 +101,8 @@ def _choose(bag: Bag, asked: BagTopics) -> _Chosen:
     if odometry in moving:
         odometry = None
     others = [name for name in truths if name != odometry]
-    return _Chosen(scan, odometry, others[0] if len(others) == 1 else None, tuple(transforms))
+    truth = others[0] if len(others) == 1 else None
+    return _Chosen(scan, odometry, truth, tuple(others), tuple(transforms))
 
 
 def _only(bag: Bag, known: list[str], asked: str | None, option: str, what: str) -> str:
@@ -234,6 +237,10 @@ class _Recorded:
 
     def _reference(self, stamps: Float64[np.ndarray, "scans"]) -> tuple[Poses | None, list[str]]:
         """Return the true poses at the scans, None if they are not known, and notes."""
+        if len(self._chosen.truths) > 1:
+            return None, [
+                f"several topics of true poses, {', '.join(self._chosen.truths)}: none is used"
+            ]
         if self._truth.is_empty:
             return None, []
         truth = self._truth.trajectory()

@@ -255,7 +255,7 @@ class _McapFile:
         self.path = path
         self.source = source
         # Where there is a summary, it names all channels; without one they stand anywhere.
-        channels = _mcap_topics(_summary(path)) or _mcap_topics(_mcap_records(path, source))
+        channels = _mcap_topics(_summary(path, source)) or _mcap_topics(_mcap_records(path, source))
         self.topics = dict(channels.values())
 
     def messages(self, topics: Collection[str]) -> Iterator[_Raw]:
@@ -280,9 +280,12 @@ def _mcap_topics(records: Iterator[McapRecord]) -> dict[int, tuple[str, _Topic]]
     return found
 
 
-def _summary(path: Path) -> Iterator[McapRecord]:
+def _summary(path: Path, source: Path) -> Iterator[McapRecord]:
     """Yield the records of an MCAP file's summary, none if it has none."""
     with path.open("rb") as stream:
+        stream.seek(-len(_MCAP), os.SEEK_END)
+        if stream.read() != _MCAP:
+            raise InputError(source, "an intact ROS bag", "a file that ends early")
         stream.seek(-len(_MCAP) - _FOOTER.size, os.SEEK_END)
         begin, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))
         if begin:

@@ -120,10 +120,15 @@ class Scans:
         reach = self._reach
         if not math.isfinite(reach) or not reach:
             hits = ranges[np.isfinite(ranges)]
-            reach = float(np.nextafter(hits.max(), np.inf)) if len(hits) else NO_RETURN
+            reach = above(hits.max()) if len(hits) else NO_RETURN
         return Laser(
             self._topic, self._frame or "", np.array(self._stamps), layout, ranges, reach, notes
         )
+
+
+def above(reach: float) -> float:
+    """Return a number above a range that single precision, as in messages, tells from it."""
+    return float(np.nextafter(np.float32(reach), np.float32(np.inf)))
 
 
 def _same(own: _Layout, layout: _Layout) -> bool:

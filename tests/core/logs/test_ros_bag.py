@@ -325,6 +325,16 @@ def test_true_poses_are_the_reference_and_no_odometry(topic: str, tmp_path: Path
     np.testing.assert_allclose(log.reference, log.odometry, atol=1e-9)
 
 
+def test_of_several_true_poses_none_is_used_and_a_note_says_so(tmp_path: Path) -> None:
+    drive = Drive()
+    more = twice(drive, "/odom", "/b/ground_truth2")
+    truth = [each._replace(topic="/ground_truth") for each in more if each.topic == "/odom"]
+    sent = sorted([*more, *truth], key=lambda each: each.received)
+    log = read_log(write_ros2(sent, tmp_path / "a"))
+    assert log.reference is None
+    assert any("several topics of true poses" in note for note in log.notes)
+
+
 def test_topics_of_what_is_no_bag_are_refused() -> None:
     with pytest.raises(InputError, match="expected a ROS bag, as topics are given, found a robot"):
         read_log(EXAMPLE, topics=BagTopics(scan="/scan"))
@@ -387,6 +397,15 @@ def test_a_missing_library_is_one_line(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 # There and back.
+
+
+def test_the_farthest_hits_read_back_where_the_laser_tells_no_maximum(tmp_path: Path) -> None:
+    drive = Drive(edit=lambda _, scan: scan | {"range_max": math.inf})
+    log = read_log(write_ros2(drive.messages(), tmp_path / "a"))
+    write_ros2_bag(log, tmp_path / "b")
+    found = read_log(tmp_path / "b").ranges
+    assert log.ranges is not None
+    np.testing.assert_array_equal(found, log.ranges.astype(np.float32))
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
