@@ -90,7 +90,7 @@ def _plain_grid(layer: OccupancyGridLayer) -> dict[str, Any]:
         "resolution": layer.resolution,
         "rows": rows,
         "columns": columns,
-        "occupancy": base64.b64encode(_bytes(layer).tobytes()).decode(),
+        "occupancy": base64.b64encode(occupancy_bytes(layer).tobytes()).decode(),
     }
 
 
@@ -106,11 +106,12 @@ def _drawn_grid(layer: OccupancyGridLayer, stamp: float) -> dict[str, Any]:
         "row_stride": columns,
         "cell_stride": 1,
         "fields": [{"name": "occupancy", "offset": 0, "type": 1}],
-        "data": base64.b64encode(_bytes(layer).tobytes()).decode(),
+        "data": base64.b64encode(occupancy_bytes(layer).tobytes()).decode(),
     }
 
 
-def _bytes(layer: OccupancyGridLayer) -> np.ndarray:
+def occupancy_bytes(layer: OccupancyGridLayer) -> np.ndarray:
+    """Return a byte for each cell, (rows, columns): `UNKNOWN`, or k for the probability k / 254."""
     known = ~np.isnan(layer.occupancy)
     chances = np.nan_to_num(layer.occupancy)
     return np.where(known, np.rint(254 * chances), UNKNOWN).astype(np.uint8)

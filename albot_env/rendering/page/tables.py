@@ -10,11 +10,10 @@ import numpy as np
 from jaxtyping import Int32, UInt8
 
 from albot_core.maps.layers import OccupancyGridLayer
+from albot_env.recording.layers import occupancy_bytes
 
 Arrays = dict[str, np.ndarray]
 """Arrays of whole or floating-point numbers, by name."""
-UNKNOWN = 255
-"""Byte of a cell of unknown occupancy; other bytes k stand for the probability k / 254."""
 
 
 def millimetres(metres: np.ndarray) -> Int32[np.ndarray, "..."]:
@@ -119,9 +118,7 @@ class GridTable:
 
     def update(self, version: int, grid: OccupancyGridLayer) -> None:
         """Set the grid of a version, its origin in the world frame."""
-        with np.errstate(invalid="ignore"):
-            known = np.clip(np.rint(grid.occupancy * 254.0), 0, 254)
-        cells = np.where(np.isnan(grid.occupancy), UNKNOWN, known).astype(np.uint8)
+        cells = occupancy_bytes(grid)
         place = (*grid.origin.tolist(), grid.resolution)
         changed = None
         if self._last is not None and self._last.shape == cells.shape and place == self._place:
@@ -139,7 +136,7 @@ class GridTable:
 
     @property
     def arrays(self) -> Arrays:
-        """The grids.
+        """The grids, their cells as `occupancy_bytes`.
 
         The whole ones (`whole`: version, rows, columns; `places`: x, y, heading, cell side;
         `cells` one after another) and the changes at each of the `versions`, which end at `ends`:

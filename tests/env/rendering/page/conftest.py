@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+from albot_benchmarks.page import BROWSERS
 
 
 @pytest.fixture(scope="session")

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.maps.layers import OccupancyGridLayer
+from albot_env.recording.layers import UNKNOWN
 from albot_env.rendering.page.tables import (
-    UNKNOWN,
     FrameTable,
     GridTable,
     LifetimeTable,
