@@ -132,6 +132,11 @@ def test_a_command_on_a_page_can_be_called(
 ) -> None:
     """Its words are what the command takes; it is not run. A name alone is that of a command."""
     monkeypatch.setattr(click.Command, "invoke", lambda *_: None)
+    # An eager option acts while it is read: in a user's empty folder, whatever shell runs this.
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SHELL", "/bin/bash")
+    for variable in ("XDG_DATA_HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(variable, raising=False)
     (tmp_path / "plans").mkdir()
     words = shlex.split(line.replace("$ALBOT_DATA", str(tmp_path)), comments=True)[1:]
     try:
