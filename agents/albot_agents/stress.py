@@ -1,13 +1,12 @@
 """Stress runs: agents in many worlds, with checks after every step.
 
-`plan_episodes` lists the episodes, and `StressRunner` runs them in worker processes. A process that
-dies counts as a violation too.
+`plan_episodes` lists the episodes, and `run_episode` runs one. A process that dies in an episode
+counts as a violation too (`crashed_episode`).
 """
 
 from __future__ import annotations
 
 import shlex
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,8 +17,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
+from albot_agents.engine.engine import Crash, name_error
 from albot_agents.registry import find_agent, make_agent
-from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
@@ -46,6 +45,7 @@ ALL_KINDS = "random"
 """The spec that means all kinds of random worlds in turn."""
 ENVIRONMENT = "Albot/Explore-v0"
 """Id of the environment."""
+_LIMITS = Limits()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,19 +192,9 @@ class Outcome:
     """All violations of the last step."""
 
 
-class StressRunner(TaskRunner[Episode, Outcome]):
-    """Runs episodes and checks every step; a process that dies is a violation too."""
-
-    def run(self, task: Episode, on_step: Callable[[int], None]) -> Outcome:
-        """Run an episode."""
-        return run_episode(task, on_step, Limits())
-
-    def on_crash(self, task: Episode, step: int, cause: str) -> Outcome:
-        """Return the outcome of an episode in which the process died."""
-        return _violated(task, step, [cause])
-
-
-def run_episode(episode: Episode, on_step: Callable[[int], None], limits: Limits) -> Outcome:
+def run_episode(
+    episode: Episode, on_step: Callable[[int], None], limits: Limits = _LIMITS
+) -> Outcome:
     """Run an episode to its end, or to the first step with a violation.
 
     An exception in the environment or the agent is a violation too.
@@ -223,11 +213,17 @@ def run_episode(episode: Episode, on_step: Callable[[int], None], limits: Limits
             step += 1
             on_step(step)
     except Exception as error:  # noqa: BLE001  (any exception is a finding)
-        frames = traceback.extract_tb(error.__traceback__)
-        place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-        said = " ".join(str(error).split())
-        return _violated(episode, step, [f"{type(error).__name__}: {said}{place}"])
+        return _violated(episode, step, [name_error(error)])
     return Outcome(episode=episode, steps=step - 1, violations=())
+
+
+def crashed_episode(episode: Episode, crash: Crash) -> Outcome:
+    """Return the outcome of an episode in which the process died each time that it was run.
+
+    If the step is not known, the command that reproduces it has all steps.
+    """
+    step = episode.steps if crash.step is None else crash.step
+    return _violated(episode, step, [crash.cause])
 
 
 def _violated(episode: Episode, step: int, wrong: Sequence[str]) -> Outcome:

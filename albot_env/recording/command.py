@@ -19,11 +19,10 @@ _OTHERS = ("render_mode", "movables", *OPTIONS, *FILES)
 
 
 def play_command(header: EpisodeHeader, steps: int) -> str:
-    """Return lines for a shell that make an episode again, by `albot play`.
+    """Return lines for a shell that make a recorded episode again, as `play_lines`.
 
-    A configuration becomes a file in the present folder. JSON is YAML, too. The text is empty if
-    the command cannot make the episode: no seed or agent is known, a person drove, a setting is
-    none of its options, or the header does not hold the environment (`EpisodeHeader.spec`).
+    The text is empty, too, if no seed or agent is known, a person drove, or the header does not
+    hold the environment (`EpisodeHeader.spec`).
 
     Args:
         header: The episode's header.
@@ -31,7 +30,25 @@ def play_command(header: EpisodeHeader, steps: int) -> str:
     """
     if header.spec is None or header.seed is None or header.agent in _NOBODY:
         return ""
-    settings = dict(header.spec.get("kwargs") or {})
+    settings = header.spec.get("kwargs") or {}
+    return play_lines(header.environment, settings, header.agent, header.seed, steps)
+
+
+def play_lines(
+    environment: str, settings: Mapping[str, Any], agent: str, seed: int, steps: int
+) -> str:
+    """Return lines for a shell that make an episode by `albot play`.
+
+    A configuration becomes a file in the present folder. JSON is YAML, too. The text is empty if a
+    setting is none of the command's options.
+
+    Args:
+        environment: Id of the environment.
+        settings: Its settings as JSON has them (the `kwargs` of `EnvSpec.to_json`).
+        agent: Name of the agent, or its file.
+        seed: Seed of environment and agent.
+        steps: Number of steps of the episode.
+    """
     texts = {name: settings[name] for name in OPTIONS if settings.get(name) is not None}
     configs = {name: settings[name] for name in FILES if settings.get(name)}
     if (
@@ -40,14 +57,14 @@ def play_command(header: EpisodeHeader, steps: int) -> str:
         or not all(isinstance(value, Mapping) for value in configs.values())
     ):
         return ""
-    words = ["albot", "play", header.environment]
+    words = ["albot", "play", environment]
     for name, value in texts.items():
         words += [f"--{name}", value]
     for name in configs:
         words += [f"--{name.replace('_', '-')}", FILES[name]]
-    words += ["--agent", header.agent]
+    words += ["--agent", agent]
     words += ["--no-movables"] if settings.get("movables") is False else []
-    words += ["--seed", str(header.seed), "--steps", str(max(steps, 1))]
+    words += ["--seed", str(seed), "--steps", str(max(steps, 1))]
     files = [_file(FILES[name], each) for name, each in configs.items()]
     return "\n".join([*files, shlex.join(words)])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 from collections.abc import Sequence
 from contextlib import closing
@@ -16,6 +15,7 @@ from click.core import ParameterSource
 from albot_cli import completion
 from albot_cli.bag_options import bag_options
 from albot_cli.count_type import CountType
+from albot_cli.engine_options import engine_options
 from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import (
     FORCE,
@@ -32,6 +32,7 @@ from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
+    from albot_agents.engine.engine import Engine
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
     from albot_core.geometry.types import Segments
     from albot_core.logs.ros_bag import BagTopics
@@ -99,11 +100,7 @@ _WRITING = {"out", "html", "figure", "dpi", "force", "as_json"}
     help="Odometer of the exploring robot.  [default: pioneer]",
 )
 @robot_option
-@click.option(
-    "--jobs",
-    type=CountType(1),
-    help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
-)
+@engine_options
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
 @click.option(
     "--html",
@@ -127,7 +124,7 @@ def command(
     topics: BagTopics | None,
     agent: str,
     steps: int,
-    jobs: int | None,
+    engine: Engine,
     out: Path | None,
     html: Path | None,
     figure: FigureFile | None,
@@ -139,8 +136,9 @@ def command(
 
     The readings are those of a real robot's LOG, a ROS bag among them, of a recorded EPISODE, or of
     a robot that explores a WORLD (a name, a file or random:KIND:SEED). Each run has a process of
-    its own. For several seeds the medians and the worst error are shown. The exit status is 1 if a
-    run died, and 130 if Ctrl-C stopped the command: then the figures are those of the runs so far.
+    its own; speeds are most reliable with --jobs 1. For several seeds the medians and the worst
+    error are shown. The exit status is 1 if a run died, and 130 if Ctrl-C stopped the command: then
+    the figures are those of the runs so far.
     """
     from albot_agents.evaluation.plan import parse_seeds
     from albot_cli.comparison_report import FILES, as_text, rows_of, write_files, write_page
@@ -151,7 +149,6 @@ def command(
     if html is not None:
         check_suffix(html, ".html", option="--html")
         check_file(html, force=force)
-    jobs = jobs or os.cpu_count() or 1
     numbers = parse_seeds(seeds)
     asked = None if mappers is None else _choices(mappers)
     sensors = {name: preset for name, preset in presets.items() if preset is not None}
@@ -161,16 +158,16 @@ def command(
     if is_world and topics is not None:
         raise InputError(source, "a ROS bag, as topics are given", "a world")
     if is_world:
-        sources = explored_sources(source, numbers, agent, steps, sensors, jobs)
+        sources = explored_sources(source, numbers, agent, steps, sensors, engine)
     else:
         sources = recorded_sources(source, numbers, reference, relations, keep_going, topics)
     notes = notes_of(sources[0].log, sources[0].reference, reference, sources[0].relations)
     for note in notes:
         click.echo(f"albot: {sources[0].log.name}: {note}", err=True)
     choices = _fitting(asked, sources)
-    results, stopped = _run(choices, sources, jobs, tracks=html is not None)
+    results, stopped = _run(choices, sources, engine, tracks=html is not None)
     rows = rows_of(choices, results)
-    facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": jobs}
+    facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": engine.workers}
     facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
     facts |= {"left_out": left_out(sources[0].log), "notes": notes}
     facts |= {"rows": rows, "stopped": stopped, "files": {}}
@@ -213,14 +210,14 @@ def _given(ctx: click.Context, name: str) -> bool:
 
 
 def _run(
-    choices: list[MapperChoice], sources: list[Source], jobs: int, *, tracks: bool
+    choices: list[MapperChoice], sources: list[Source], engine: Engine, *, tracks: bool
 ) -> tuple[list[RunResult], bool]:
     """Return the results of the runs, and whether Ctrl-C stopped them early."""
     from albot_cli.mapper_runs import compare_mappers
 
     results: list[RunResult] = []
     try:
-        with closing(compare_mappers(choices, sources, jobs, tracks=tracks)) as runs:
+        with closing(compare_mappers(choices, sources, engine, tracks=tracks)) as runs:
             for result in runs:
                 results.append(result)  # noqa: PERF402 - results are kept if the next is stopped
     except KeyboardInterrupt:
@@ -295,7 +292,7 @@ def seen_walls(world: str, seed: int) -> Segments:
 
 
 def explored_sources(
-    world: str, seeds: range, agent: str, steps: int, sensors: dict[str, str], jobs: int
+    world: str, seeds: range, agent: str, steps: int, sensors: dict[str, str], engine: Engine
 ) -> list[Source]:
     """Explore a world, or the worlds of random:KIND, and return the readings as sources.
 
@@ -305,7 +302,7 @@ def explored_sources(
         agent: Name of the exploring agent.
         steps: Length of the exploration (steps of 0.1 s).
         sensors: Presets, by the names of the environments' settings.
-        jobs: Number of processes.
+        engine: Runs the explorations.
     """
     from albot_cli.explored_logs import Exploration, explore_all
     from albot_cli.mapper_runs import Source
@@ -317,7 +314,7 @@ def explored_sources(
     ]
     return [
         Source(log=log, seed=seed, reference=log.reference_trajectory)
-        for seed, log in zip(seeds, explore_all(explorations, jobs), strict=True)
+        for seed, log in zip(seeds, explore_all(explorations, engine), strict=True)
     ]
 
 

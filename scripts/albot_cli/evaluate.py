@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import time
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ import click
 from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
 from albot_cli.count_type import CountType
+from albot_cli.engine_options import engine_options
 from albot_cli.evaluation_text import evaluation_text
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
@@ -30,6 +30,7 @@ from albot_core.files import new_folder
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from albot_agents.engine.engine import Engine
     from albot_agents.evaluation.plan import Trial
     from albot_agents.evaluation.trial import Outcome
     from albot_env.export.minari_dataset import DatasetPlace
@@ -85,7 +86,7 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     "[default: 30..100]",
 )
 @click.option("--steps", type=CountType(1), help="Time limit.  [default: the task's]")
-@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
+@engine_options
 @click.option(
     "--batch",
     type=CountType(1, 4096),
@@ -132,7 +133,7 @@ def command(
     odometer: str,
     outward: str | None,
     steps: int | None,
-    jobs: int | None,
+    engine: Engine,
     batch: int,
     minari: str | None,
     out: Path | None,
@@ -149,7 +150,7 @@ def command(
     start, outward journey, tour, boxes and people of an episode depend on its world and seed alone,
     so that agents can be compared episode by episode (--against). --mapper and its parameters are
     for both agents. If Ctrl-C stops it, the exit status is 130 and the figures are those of the
-    episodes so far.
+    episodes so far; it is 1 if episodes crashed, which are listed.
     """
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import find_agent
@@ -181,8 +182,8 @@ def command(
     began = time.perf_counter()
     folder = new_folder(record) if record is not None else nullcontext()
     with folder, open_dataset(place, force=force) as dataset:
-        jobs = jobs or os.cpu_count() or 1
-        outcomes, stopped = run_trials([*trials.values()], jobs, batch, dataset, recordings)
+        found = run_trials([*trials.values()], engine, batch, dataset, recordings)
+    outcomes = found.outcomes
     facts: dict[str, Any] = {"task": task, "agent": agent}
     facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
@@ -190,15 +191,17 @@ def command(
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
     facts["against"] = against and _against(against, *chosen[against], outcomes)
-    facts |= {"seconds": time.perf_counter() - began, "stopped": stopped}
+    facts |= {"seconds": time.perf_counter() - began, "stopped": found.stopped}
+    facts["failed"] = [each.facts for each in found.failed]
     facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
     if place is not None and dataset.size["episodes"]:
         facts["files"]["minari"] = place.load
         facts["minari"] = {**place.facts, **dataset.size}
     files = {"--mapper-config": mapper_config, "--config": config}
     _write(facts, outcomes, out, figure, files)
-    click.echo(json.dumps(facts) if as_json else evaluation_text(facts))
-    return STOPPED if stopped else 0
+    lines = [each.text for each in found.failed]
+    click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
+    return STOPPED if found.stopped else int(bool(found.failed))
 
 
 def _agents(task: str, agent: str, against: str | None) -> list[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
+from albot_agents.engine.engine import Crash, Engine
 from albot_agents.evaluation.plan import Trial
-from albot_agents.evaluation.together import BatchRunner
-from albot_agents.evaluation.trial import Outcome, TrialRunner
+from albot_agents.evaluation.together import run_together
+from albot_agents.evaluation.trial import FailedTrial, Outcome, run_recorded, run_trial
 from albot_cli.evaluation_recordings import remove_recordings
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -20,79 +22,98 @@ if TYPE_CHECKING:
     from albot_env.export.transitions import Transitions
 
 
+@dataclass(frozen=True, kw_only=True)
+class Evaluated:
+    """The episodes of an evaluation that have ended."""
+
+    outcomes: list[list[Outcome]]
+    """The outcomes of each agent, in the order of the trials, for the trials that have ended with
+    all agents."""
+    failed: list[FailedTrial]
+    """The trials that crashed, in the order in which they were run."""
+    stopped: bool
+    """Whether Ctrl-C stopped the run."""
+
+
 def run_trials(
     trials: list[list[Trial]],
-    jobs: int,
+    engine: Engine,
     batch: int,
     dataset: OrderedDataset,
     recordings: Recordings | None = None,
-) -> tuple[list[list[Outcome]], bool]:
+) -> Evaluated:
     """Run the trials of all agents in turn, so that a stopped run has the same episodes of each.
 
     Args:
         trials: The trials of each agent, all in the same order.
-        jobs: Number of processes.
+        engine: Runs them.
         batch: Number of episodes that a process steps together.
         dataset: Takes the transitions.
         recordings: Where the episodes are recorded; of those that have not ended with all agents,
             nothing is left there.
 
-    Returns:
-        The outcomes of each agent, in the order of the trials, for the trials that have ended with
-        all agents; and whether Ctrl-C stopped the run.
-
     Raises:
         InputError: A trial cannot be run.
     """
     done: dict[tuple[str, int], Outcome] = {}
+    failed: dict[tuple[int, int], FailedTrial] = {}
     stopped = False
     numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials[0])}
-    count = sum(map(len, trials))
+    agents = [some[0].agent for some in trials]
     every = [trial for some in trials for trial in some]
-    results = _results(trials, min(jobs, count), batch, recordings)
+    results = _results(trials, engine, batch, recordings)
     try:
-        with progress("evaluate", count, "episodes") as update, closing(results):
-            for outcome in results:
-                trial = outcome.trial
+        with progress("evaluate", len(every), "episodes") as update, closing(results):
+            for result in results:
+                trial = result.trial
                 number = numbers[trial.world, trial.seed]
-                done[trial.agent, number] = dataset.add(number, outcome)
-                update(len(done))
+                if isinstance(result, FailedTrial):
+                    failed[number, agents.index(trial.agent)] = result
+                else:
+                    done[trial.agent, number] = dataset.add(number, result)
+                update(len(done) + len(failed), f"{len(failed)} failed" if failed else "")
     except KeyboardInterrupt:
         stopped = True
-    except (InputError, RuntimeError):
+    except (InputError, OSError):
         remove_recordings(recordings, every)
         raise
     dataset.finish()
-    agents = [some[0].agent for some in trials]
     ended = [k for k in range(len(trials[0])) if all((agent, k) in done for agent in agents)]
     unfinished = [some[k] for some in trials for k in range(len(some)) if k not in ended]
     remove_recordings(recordings, unfinished)
-    return [[done[agent, k] for k in ended] for agent in agents], stopped
+    return Evaluated(
+        outcomes=[[done[agent, k] for k in ended] for agent in agents],
+        failed=[failed[place] for place in sorted(failed)],
+        stopped=stopped,
+    )
 
 
 def _results(
-    trials: list[list[Trial]], jobs: int, batch: int, recordings: Recordings | None
-) -> Generator[Outcome, None, None]:
+    trials: list[list[Trial]], engine: Engine, batch: int, recordings: Recordings | None
+) -> Generator[Outcome | FailedTrial, None, None]:
     """Yield the outcomes of the trials of all agents as they end.
 
     Raises:
         InputError: A trial cannot be run.
     """
-    from albot_agents.workers import run_parallel
-
-    results: Generator[Any, None, None]
     if batch == 1:
+        run = run_trial if recordings is None else partial(run_recorded, recordings=recordings)
         each = [trial for paired in zip(*trials, strict=True) for trial in paired]
-        results = run_parallel(TrialRunner(recordings), each, jobs)
-    else:
-        starts = range(0, len(trials[0]), batch)
-        groups = [some[start : start + batch] for start in starts for some in trials]
-        results = run_parallel(BatchRunner(), groups, min(jobs, len(groups)))
-    with closing(results):
-        for found in results:
-            if isinstance(found, InputError):
-                raise found
-            yield from found if isinstance(found, list) else [found]
+        with closing(engine.run(run, each)) as singles:
+            for one in singles:
+                if isinstance(one.result, Crash):
+                    yield FailedTrial(trial=one.task, crash=one.result)
+                else:
+                    yield one.result
+        return
+    starts = range(0, len(trials[0]), batch)
+    groups = [some[start : start + batch] for start in starts for some in trials]
+    with closing(engine.run(run_together, groups)) as batches:
+        for done in batches:
+            if isinstance(done.result, Crash):
+                yield from (FailedTrial(trial=trial, crash=done.result) for trial in done.task)
+            else:
+                yield from done.result
 
 
 @contextmanager

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from albot_cli import completion
+from albot_cli.engine_options import engine_options
 from albot_cli.experiment_tables import report_text
 from albot_cli.group import LazyGroup
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_file, check_folder, figure_options
@@ -30,6 +32,9 @@ from albot_experiments.report import (
     read_report,
     write_index,
 )
+
+if TYPE_CHECKING:
+    from albot_agents.engine.engine import Engine
 
 ALL = "all"
 """The ID that means all experiments."""
@@ -103,6 +108,7 @@ def list_experiments(as_json: bool) -> None:
     shell_complete=completion.odometer_names,
     help="In a probe: the odometer.  [default: pioneer]",
 )
+@engine_options
 @figure_options("its picture (FILE-NAME for each of several)")
 @FORCE
 @JSON
@@ -113,11 +119,13 @@ def run_experiment(
     figure: FigureFile | None,
     force: bool,
     as_json: bool,
+    engine: Engine,
     **options: str | None,
 ) -> None:
     """Run the experiment ID, or all; `albot experiment list` names them.
 
     Probes, whose IDs begin with probe-, test agents in a scene in which animals or people were.
+    Their episodes run in parallel; all other experiments run in one process.
     """
     from albot_agents.evaluation.plan import parse_seeds  # slow to load
 
@@ -137,9 +145,9 @@ def run_experiment(
     if name == ALL:
         if given:
             raise InputError(f"--{next(iter(given))}", "one probe", ALL)
-        _run_all(chosen, over, out, as_json)
+        _run_all(chosen, over, out, as_json, engine)
     else:
-        _run_one(chosen[0], over, out, figure, as_json, given)
+        _run_one(chosen[0], over, out, figure, as_json, engine, given)
 
 
 @command.command("page")
@@ -179,9 +187,10 @@ def _run_one(
     out: Path | None,
     figure: FigureFile | None,
     as_json: bool,
+    engine: Engine,
     options: dict[str, str],
 ) -> None:
-    report = _run(experiment, seeds, **options)
+    report = _run(experiment, seeds, engine, **options)
     files = report.write(out) if out else []
     if figure is not None:
         is_alone = len(report.pictures) == 1
@@ -194,14 +203,18 @@ def _run_one(
 
 
 def _run_all(
-    experiments: list[Experiment], seeds: range | None, out: Path | None, as_json: bool
+    experiments: list[Experiment],
+    seeds: range | None,
+    out: Path | None,
+    as_json: bool,
+    engine: Engine,
 ) -> None:
     """Run experiments one after another; write each report as soon as it is complete."""
     reports, files = [], []
     if out:
         make_folder(out)
     for experiment in experiments:
-        report = _run(experiment, seeds)
+        report = _run(experiment, seeds, engine)
         written = report.write(out / experiment.id) if out else []
         reports.append(report)
         files += written
@@ -214,10 +227,10 @@ def _run_all(
         click.echo(json.dumps({"experiments": found, "files": [str(path) for path in files]}))
 
 
-def _run(experiment: Experiment, seeds: range | None, **options: str) -> Report:
+def _run(experiment: Experiment, seeds: range | None, engine: Engine, **options: str) -> Report:
     over = experiment.default_seeds if seeds is None else seeds
     with progress(experiment.id, len(over), "seeds") as update:
-        return experiment.run(over, update, **options)
+        return experiment.run(over, update, engine, **options)
 
 
 def _print(report: Report, files: list[Path]) -> None:

@@ -10,10 +10,9 @@ from typing import Any
 import gymnasium
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
+from albot_agents.engine.engine import Engine
 from albot_agents.registry import EXPLORE, check_agent, find_agent
-from albot_agents.workers import TaskRunner, run_parallel
 from albot_cli.progress import progress
-from albot_core.errors import InputError
 from albot_core.logs.log import Log
 from albot_core.mappers.registry import NO_MAPPER
 from albot_env.recording.log import EpisodeLog
@@ -80,46 +79,18 @@ def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _:
     return kept.log(exploration.world)
 
 
-class ExplorationRunner(TaskRunner[Exploration, "tuple[Exploration, Log | InputError]"]):
-    """Runs explorations; an InputError is returned as the result."""
-
-    def run(
-        self, task: Exploration, on_step: Callable[[int], None]
-    ) -> tuple[Exploration, Log | InputError]:
-        """Let an agent explore."""
-        try:
-            return task, explore(task, on_step)
-        except InputError as error:
-            return task, error
-
-    def on_crash(
-        self, task: Exploration, step: int, cause: str
-    ) -> tuple[Exploration, Log | InputError]:
-        """Raise RuntimeError: the process died, which is a bug.
-
-        Raises:
-            RuntimeError: Always.
-        """
-        raise RuntimeError(f"{task.agent} in {task.world}, seed {task.seed}, step {step}: {cause}")
-
-
-def explore_all(explorations: Sequence[Exploration], jobs: int) -> list[Log]:
+def explore_all(explorations: Sequence[Exploration], engine: Engine) -> list[Log]:
     """Run explorations in parallel; return their logs in the same order.
 
     Raises:
         InputError: As `explore`; an error in the first one is raised before any begins.
     """
     explorations[0].make().close()
-    logs: dict[tuple[str, int], Log] = {}
-    results = run_parallel(ExplorationRunner(), explorations, min(jobs, len(explorations)))
+    logs: dict[int, Log] = {}
+    results = engine.run(explore, explorations)
     with progress("exploring", len(explorations), "worlds") as update, closing(results):
-        for exploration, log in results:
-            if isinstance(log, InputError):
-                raise log
-            logs[_key(exploration)] = log
+        for done in results:
+            each = done.task
+            logs[done.number] = done.required(f"{each.agent} in {each.world}, seed {each.seed}")
             update(len(logs))
-    return [logs[_key(exploration)] for exploration in explorations]
-
-
-def _key(exploration: Exploration) -> tuple[str, int]:
-    return exploration.world, exploration.seed
+    return [logs[number] for number in range(len(explorations))]

@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.workers import TaskRunner, run_parallel
+from albot_agents.engine.engine import Crash, Engine, OnStep
 from albot_cli.map_report import report, score
 from albot_cli.mapping_run import run_mapper, warm_up
 from albot_cli.progress import progress
-from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
 from albot_core.evaluation.trajectory import (
     Relations,
@@ -103,23 +102,18 @@ class RunResult:
     """What the mapper believed at each reading; None if it was not taken down."""
 
 
-class MapperRunner(TaskRunner[MapperRun, "RunResult | InputError"]):
-    """Runs mappers on logs; an InputError of a run is returned as its result."""
+def _run_one(run: MapperRun, on_step: OnStep, /) -> RunResult:
+    """Run a mapper on a log, or compile its code alone."""
+    if run.compiles:
+        warm_up(run.choice.name, run.choice.config, run.source.log)
+        return RunResult(figures=no_figures(run))
+    return measure_run(run, on_step)
 
-    def run(self, task: MapperRun, on_step: Callable[[int], None]) -> RunResult | InputError:
-        """Run a mapper on a log."""
-        try:
-            if task.compiles:
-                warm_up(task.choice.name, task.choice.config, task.source.log)
-                return RunResult(figures=no_figures(task))
-            return measure_run(task, on_step)
-        except InputError as error:
-            return error
 
-    def on_crash(self, task: MapperRun, step: int, cause: str) -> RunResult:
-        """Return a row with the cause of the crash and the reading at which it happened."""
-        figures = {**no_figures(task), "error": f"{cause}, at reading {step} or soon after"}
-        return RunResult(figures=figures)
+def _crashed(run: MapperRun, crash: Crash) -> RunResult:
+    """Return a row with the cause of a crash and the reading at which it happened."""
+    where = "" if crash.step is None else f", at reading {crash.step} or soon after"
+    return RunResult(figures={**no_figures(run), "error": f"{crash.cause}{where}"})
 
 
 def no_figures(run: MapperRun) -> dict[str, Any]:
@@ -226,7 +220,7 @@ def _peak_mib() -> float | None:
 
 
 def compare_mappers(
-    choices: Iterable[MapperChoice], sources: list[Source], jobs: int, *, tracks: bool = False
+    choices: Iterable[MapperChoice], sources: list[Source], engine: Engine, *, tracks: bool = False
 ) -> Generator[RunResult, None, None]:
     """Run each mapper on each log, in parallel; yield each result when it is done.
 
@@ -235,7 +229,7 @@ def compare_mappers(
     Args:
         choices: The mappers.
         sources: The logs.
-        jobs: Number of parallel runs. Figures of speed are most accurate with one.
+        engine: Runs them. Figures of speed are most accurate with one at a time.
         tracks: Whether the runs on the first log also tell what the mappers believed at each time.
 
     Raises:
@@ -248,11 +242,12 @@ def compare_mappers(
         for run in first
     ]
     for what, tasks in (("compiling", first), ("comparing", runs)):
-        results = run_parallel(MapperRunner(), tasks, min(jobs, len(tasks)), fresh=True)
+        results = engine.run(_run_one, tasks, fresh=True)
         with progress(what, len(tasks), "runs") as tell, closing(results):
-            for done, result in enumerate(results, start=1):
-                if isinstance(result, InputError):
-                    raise result
-                tell(done, result.figures["mapper"])
+            for count, done in enumerate(results, start=1):
+                result = done.result
+                if isinstance(result, Crash):
+                    result = _crashed(done.task, result)
+                tell(count, result.figures["mapper"])
                 if tasks is runs:
                     yield result

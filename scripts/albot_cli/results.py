@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ import click
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
+from albot_cli.engine_options import engine_options
 from albot_cli.mapper_results import (
     EVERY,
     check_all_enter,
@@ -31,6 +31,7 @@ from albot_core.interrupts import interrupts_deferred
 if TYPE_CHECKING:
     from albot_agents.benchmark.protocol import Protocol
     from albot_agents.benchmark.run import BenchmarkRun, Row
+    from albot_agents.engine.engine import Engine
 
 _PAGE = "results.md"
 
@@ -103,7 +104,7 @@ _PAGE = "results.md"
     help="The page, a .md file; its figures go into a JSON file beside it.  "
     f"[default: {_PAGE} in the folder]",
 )
-@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
+@engine_options
 @JSON
 def command(
     out: Path,
@@ -116,14 +117,14 @@ def command(
     episodes: int | None,
     plans: Path | None,
     page: Path | None,
-    jobs: int | None,
+    engine: Engine,
     as_json: bool,
 ) -> int:
     """Run the benchmark's episodes that a folder lacks, and write the page of all that it has.
 
     Tasks, worlds, seeds and odometers are those of a protocol, which is frozen (docs/benchmark.md).
     It can be stopped at any time, also by `kill`: the same command goes on. If Ctrl-C stops it, the
-    page is written and the exit status is 130.
+    page is written and the exit status is 130. It is 1 if episodes crashed, which are listed.
     """
     from albot_agents.benchmark.costs import read_costs
     from albot_agents.benchmark.folder import ResultsFolder
@@ -151,7 +152,7 @@ def command(
     if episodes == 0 and not has_results:
         raise InputError(out, "a folder with results", "none")
     run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
-    stopped = _run(run, jobs or os.cpu_count() or 1)
+    stopped = _run(run, engine)
     if mappers and not stopped and episodes != 0:
         stopped = measure_costs(folder, [row.entrant.mapper for row in rows])
     report = Report.of(folder)
@@ -165,7 +166,7 @@ def command(
     files = {"page": str(page), "figures": str(figures)}
     if report.picture is not None:
         files["picture"] = str(page.with_name(report.picture))
-    facts |= {"stopped": stopped, "files": files}
+    facts |= {"stopped": stopped, "failed": [each.facts for each in run.failed], "files": files}
     if as_json:
         facts["rows"] = page_data(chosen)["rows"]
         if mappers:
@@ -173,10 +174,10 @@ def command(
         click.echo(json.dumps(facts))
     else:
         lines = render_lines(chosen) if agents else []
-        if episodes != 0:
-            lines.append(_left(run, episodes, most))
+        lines += [] if episodes == 0 else [_left(run, episodes, most)]
+        lines += [each.text for each in run.failed]
         click.echo("\n".join([*lines, str(page), str(figures)]))
-    return STOPPED if stopped else 0
+    return STOPPED if stopped else int(bool(run.failed))
 
 
 def _check_outputs(out: Path, page: Path) -> None:
@@ -261,13 +262,13 @@ def _check_names(option: str, names: tuple[str, ...], known: Iterable[str]) -> N
             raise InputError(option, f"one of {', '.join(known)}", found)
 
 
-def _run(run: BenchmarkRun, jobs: int) -> bool:
+def _run(run: BenchmarkRun, engine: Engine) -> bool:
     """Run what is missing; return whether Ctrl-C stopped it."""
     if not run.missing:
         return False
     try:
         with progress("results", run.missing, "episodes") as update:
-            run.run(jobs, update)
+            run.run(engine, update)
     except KeyboardInterrupt:
         return True
     return False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Iterable
 from contextlib import closing
@@ -14,6 +13,7 @@ import click
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
+from albot_cli.engine_options import engine_options
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import JSON
 from albot_cli.progress import progress
@@ -22,6 +22,7 @@ from albot_cli.signals import STOPPED
 from albot_core.counts import many
 
 if TYPE_CHECKING:
+    from albot_agents.engine.engine import Engine
     from albot_agents.stress import Episode, Outcome
 
 _LARGEST_SEED = 2**64 - 1
@@ -77,7 +78,7 @@ _LARGEST_SEED = 2**64 - 1
 )
 @mapper_config_option
 @robot_option
-@click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
+@engine_options
 @JSON
 def command(
     worlds: str,
@@ -88,7 +89,7 @@ def command(
     mapper: str,
     mapper_config: Path | None,
     robot: str | None,
-    jobs: int | None,
+    engine: Engine,
     as_json: bool,
 ) -> int:
     """Drive agents through many worlds and check every step.
@@ -118,7 +119,7 @@ def command(
         robot=robot,
     )
     tally = _Tally()
-    _run(episodes, jobs or os.cpu_count() or 1, tally)
+    _run(episodes, engine, tally)
     click.echo(json.dumps(tally.facts(chosen)) if as_json else tally.text())
     if tally.violations:
         return 1
@@ -134,20 +135,24 @@ class _Tally:
         self._episodes = 0
         self._steps = 0
         self._seconds = 0.0
-        self.violations: list[dict[str, Any]] = []
-        """The violations, as rows of the JSON."""
+        self._violations: dict[int, list[dict[str, Any]]] = {}
         self.stopped = False
         """Whether Ctrl-C ended the run."""
 
-    def add(self, outcome: Outcome) -> None:
-        """Add the outcome of an episode."""
+    @property
+    def violations(self) -> list[dict[str, Any]]:
+        """The violations in the order of the episodes, as rows of the JSON."""
+        return [row for number in sorted(self._violations) for row in self._violations[number]]
+
+    def add(self, number: int, outcome: Outcome) -> None:
+        """Add the outcome of an episode, which has this number in the plan."""
         episode = outcome.episode
         self._worlds.add((episode.world, episode.seed))
         self._episodes += 1
         self._steps += outcome.steps
         self._seconds = time.perf_counter() - self._began
-        for violation in outcome.violations:
-            self.violations.append(
+        if outcome.violations:
+            self._violations[number] = [
                 {
                     "world": episode.world,
                     "agent": episode.agent,
@@ -156,7 +161,8 @@ class _Tally:
                     "what": violation.what,
                     "command": violation.command,
                 }
-            )
+                for violation in outcome.violations
+            ]
 
     def facts(self, agents: Iterable[str]) -> dict[str, Any]:
         """Return the results as the JSON object."""
@@ -188,17 +194,20 @@ class _Tally:
         return "\n".join(lines)
 
 
-def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
+def _run(episodes: list[Episode], engine: Engine, tally: _Tally) -> None:
     """Run the episodes until all are done or Ctrl-C."""
-    from albot_agents.stress import StressRunner
-    from albot_agents.workers import run_parallel
+    from albot_agents.engine.engine import Crash
+    from albot_agents.stress import crashed_episode, run_episode
 
     length = episodes[0].steps
-    outcomes = run_parallel(StressRunner(), episodes, jobs)
+    results = engine.run(run_episode, episodes)
     try:
-        with progress("stress", len(episodes) * length, "steps") as update, closing(outcomes):
-            for done, outcome in enumerate(outcomes, start=1):
-                tally.add(outcome)
-                update(done * length)
+        with progress("stress", len(episodes) * length, "steps") as update, closing(results):
+            for count, done in enumerate(results, start=1):
+                result = done.result
+                if isinstance(result, Crash):
+                    result = crashed_episode(done.task, result)
+                tally.add(done.number, result)
+                update(count * length)
     except KeyboardInterrupt:
         tally.stopped = True

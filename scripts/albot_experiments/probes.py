@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from albot_agents.engine.choice import make_engine
+from albot_agents.engine.engine import Engine
 from albot_agents.evaluation.plan import Trial as Episode
-from albot_agents.evaluation.trial import Outcome, TrialRunner
+from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_agents.registry import check_agent, find_agent
-from albot_agents.workers import run_parallel
 from albot_core.drawing.palette import TRUTH, WALL
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
@@ -48,6 +49,7 @@ def run(
     agent: str | None = None,
     mapper: str | None = None,
     odometer: str = "pioneer",
+    engine: Engine | None = None,
 ) -> Report:
     """Run agents through the trials of a probe in turn, an episode a seed.
 
@@ -58,6 +60,7 @@ def run(
         agent: The only agent beside the oracle; None for `AGENTS`.
         mapper: The mapper of agents that know no truth; None for each agent's own.
         odometer: The odometer.
+        engine: Runs the episodes; None for processes, one a core.
 
     Raises:
         InputError: No seeds; or there is no such agent, mapper or odometer, or the agent cannot
@@ -84,12 +87,12 @@ def run(
             )
     episodes[-1].make().close()  # Invalid settings raise before the work begins.
     outcomes: dict[str, list[Outcome]] = {name: [] for name in agents}
-    results = run_parallel(TrialRunner(), episodes, min(os.cpu_count() or 1, len(episodes)))
-    for done, outcome in enumerate(results, start=1):
-        if isinstance(outcome, InputError):
-            raise outcome
-        outcomes[outcome.trial.agent].append(outcome)
-        progress(done // len(agents))
+    with closing((engine or make_engine()).run(run_trial, episodes)) as results:
+        for count, done in enumerate(results, start=1):
+            episode = done.task
+            outcome = done.required(f"{task} in {episode.world}, seed {episode.seed}")
+            outcomes[episode.agent].append(outcome)
+            progress(count // len(agents))
     for some in outcomes.values():
         some.sort(key=lambda outcome: outcome.trial.seed)
     return _report(task, scene, seeds, outcomes, judged)

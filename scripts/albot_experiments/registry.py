@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from albot_agents.engine.engine import Engine
 from albot_core.errors import InputError, did_you_mean
 from albot_experiments.report import Report
 
@@ -43,12 +44,20 @@ class Experiment:
         """The seeds over which the experiment runs by default."""
         return range(FIRST_SEED, FIRST_SEED + self.seeds)
 
-    def run(self, seeds: range, progress: Callable[[int], None], **options: str) -> Report:
+    def run(
+        self,
+        seeds: range,
+        progress: Callable[[int], None],
+        engine: Engine | None = None,
+        **options: str,
+    ) -> Report:
         """Run the experiment over the seeds; call `progress` with the number of seeds done.
 
         Args:
             seeds: The seeds.
             progress: Called with the number of seeds done.
+            engine: Runs the episodes of a probe; None for processes, one a core. All else runs in
+                this process.
             options: `agent`, `mapper` and `odometer` of a probe.
 
         Raises:
@@ -58,7 +67,10 @@ class Experiment:
             probes = ", ".join(name for name, each in EXPERIMENTS.items() if each.task)
             raise InputError(f"--{next(iter(options))}", f"a probe: {probes}", self.id)
         run = importlib.import_module(self.module).run
-        report: Report = run(*([self.task] if self.task else []), seeds, progress, **options)
+        if not self.task:
+            report: Report = run(seeds, progress)
+        else:
+            report = run(self.task, seeds, progress, engine=engine, **options)
         return report
 
 

@@ -31,10 +31,10 @@ from unittest.mock import patch
 
 import yaml
 
-import albot_agents.workers as workers
 from albot_agents.benchmark import folder as results_folder
-from albot_agents.benchmark import run as benchmark_run
 from albot_agents.benchmark.protocol import find_protocol
+from albot_agents.engine import local
+from albot_agents.engine.engine import Done, Result, Task, Work
 from albot_cli.main import main
 from albot_env.recording.episode import Moment
 from albot_env.recording.writer import EpisodeWriter
@@ -110,7 +110,7 @@ def prepare() -> dict[str, float]:
     import torch
 
     torch.set_num_threads(1)
-    workers.CONTEXT = _FORKING  # type: ignore[assignment]
+    local.CONTEXT = _FORKING  # type: ignore[assignment]
     # Few and short episodes, of two tasks.
     protocol = find_protocol()
     tasks = {
@@ -139,8 +139,7 @@ def _load() -> None:
     with (
         _folder() as folder,
         chdir(folder),
-        patch.object(workers, "run_parallel", _run_here),
-        patch.object(benchmark_run, "run_parallel", _run_here),
+        patch.object(local.LocalEngine, "run", _run_here),
         # After torch has computed gradients in a process, it cannot do so in a forked child.
         patch.object(PPO, "train", lambda self: None),
     ):
@@ -150,10 +149,10 @@ def _load() -> None:
 
 
 def _run_here(
-    runner: workers.TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
-) -> Generator[Any, None, None]:
-    for task in tasks:
-        yield runner.run(task, lambda step: None)
+    engine: local.LocalEngine, work: Work[Task, Result], tasks: Iterable[Task]
+) -> Generator[Done[Task, Result], None, None]:
+    for number, task in enumerate(tasks):
+        yield Done(number=number, task=task, result=work(task, lambda step: None))
 
 
 def forked_runs(

@@ -17,6 +17,7 @@ from typing import Any
 import click
 from PIL import Image
 
+from albot_agents.engine.local import LocalEngine
 from albot_cli.compare import explored_sources, recorded_sources
 from albot_cli.comparison_report import FIGURES, as_markdown, panels_of, rows_of
 from albot_cli.count_type import CountType
@@ -89,7 +90,7 @@ class RandomOffice:
         """Explore the world, and return the readings."""
         sensors = {"odometer": _ODOMETER}
         seeds = range(self.seed, self.seed + 1)
-        return explored_sources("random:office", seeds, _AGENT, STEPS, sensors, 1)
+        return explored_sources("random:office", seeds, _AGENT, STEPS, sensors, LocalEngine(1))
 
 
 SOURCES: Mapping[str, RealLog | RandomOffice] = {
@@ -174,7 +175,7 @@ def command(
 def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: int) -> None:
     """Run mappers on a source; replace their rows and pictures."""
     choices = [MapperChoice(label=name, name=name) for name in mappers]
-    with closing(compare_mappers(choices, sources, jobs)) as runs:
+    with closing(compare_mappers(choices, sources, LocalEngine(jobs))) as runs:
         results = list(runs)
     folder.mkdir(parents=True, exist_ok=True)
     rows = {row["mapper"]: row for row in _rows(folder)}

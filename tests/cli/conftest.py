@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from albot_agents import workers
-from albot_agents.workers import TaskRunner
-from albot_cli import mapper_runs, outputs, progress, train
+from albot_agents.engine import choice
+from albot_cli import outputs, progress, train
 from albot_cli.group import albot
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
@@ -26,6 +25,7 @@ from albot_core.geometry.poses import compose
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.explore.env import ExploreEnv
 from tests.env.quick import LOOP
+from tests.inline_engine import InlineEngine
 
 FILES = {"trajectory.tum", "surfaces.geojson", "map.png", "map.albot"}
 ERRORS = {"errors.csv", "errors.md", "errors.png"}
@@ -84,20 +84,8 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs happen in this process: sooner, and with what was changed for the test."""
-
-    def run_here(runner: TaskRunner, tasks: Iterable[Any], jobs: int) -> Iterator[Any]:
-        assert jobs >= 1
-        yield from (runner.run(task, lambda _: None) for task in tasks)
-
-    def run_fresh_here(
-        runner: TaskRunner, tasks: Iterable[Any], jobs: int, *, fresh: bool
-    ) -> Iterator[Any]:
-        assert fresh
-        return run_here(runner, tasks, jobs)
-
-    monkeypatch.setattr(workers, "run_parallel", run_here)
-    monkeypatch.setattr(mapper_runs, "run_parallel", run_fresh_here)
+    """Tasks run in this process."""
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: InlineEngine())
 
 
 @pytest.fixture

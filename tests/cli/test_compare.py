@@ -37,16 +37,6 @@ KEYS = {
 """What other programs read of a row."""
 
 
-@pytest.fixture
-def explores_in_process(monkeypatch):
-    """Robots explore in this process, too."""
-
-    def explore_here(runner, tasks, jobs):
-        yield from (runner.run(task, lambda _: None) for task in tasks)
-
-    monkeypatch.setattr("albot_cli.explored_logs.run_parallel", explore_here)
-
-
 def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):
     out = tmp_path / "side-by-side"
     words = ("--mappers", "odometry,albot1", "--reference", truth_file, "--out", out, "--json")
@@ -88,7 +78,7 @@ def test_the_page_plays_all_maps_beside_the_truth(corridor, truth_file, tmp_path
     assert "--html" not in facts["command"]
 
 
-def test_the_page_of_a_world_shows_its_walls(call, in_process, explores_in_process, tmp_path):
+def test_the_page_of_a_world_shows_its_walls(call, in_process, tmp_path):
     words = ("--mappers", "odometry", "--steps", 30, "--sonar", "none", "--json")
     figures(call("compare", "square-loop", *words, "--html", tmp_path / "a.html"))
     _, arrays = read((tmp_path / "a.html").read_bytes())
@@ -133,7 +123,7 @@ def test_an_episode_as_its_mapper_saw_it(episode_file, call, in_process):
     assert 0 < row["ate_rmse_m"] <= row["unaligned_rmse_m"] * (1 + 1e-9)
 
 
-def test_seeds_of_a_world(call, in_process, explores_in_process, tmp_path):
+def test_seeds_of_a_world(call, in_process, tmp_path):
     """Of `random:KIND` each seed is a world; the row is the median, the worst is told."""
     words = ("--seeds", "3..5", "--steps", 60, "--mappers", "odometry", "--sonar", "none")
     found = figures(call("compare", "random:hall", *words, "--json"))

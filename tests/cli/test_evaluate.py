@@ -5,17 +5,19 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from albot_agents import workers
+from albot_agents.engine import choice
+from albot_agents.engine.engine import Crash
 from albot_agents.evaluation.plan import Trial
-from albot_agents.evaluation.trial import Outcome, TrialRunner, run_trial
+from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_cli.main import main
-from albot_core.errors import InputError
+from tests.inline_engine import InlineEngine, stopping_after
 
 TINY = ("--worlds", "square-loop", "--outward", "5..6", "--steps", "15")
 KEYS = {
@@ -127,11 +129,8 @@ def test_a_mapper_is_evaluated_with_other_thresholds(
 ) -> None:
     tried: list[Any] = []
 
-    def inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
-        tried.extend(trial.settings["mapper_config"] for trial in trials)
-        yield from (trade.run(trial, lambda _: None) for trial in trials)
-
-    monkeypatch.setattr(workers, "run_parallel", inline)
+    engine = InlineEngine(lambda trial: tried.append(trial.settings["mapper_config"]))
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: engine)
     file = tmp_path / "thresholds.yaml"
     file.write_text("margin: 0.5\n")
     words = ("evaluate", "Albot/Explore-v0", "--agent", "gap-explorer", "--seeds", "3", "--json")
@@ -146,11 +145,7 @@ def test_a_mapper_is_evaluated_with_other_thresholds(
 
 
 def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
-        yield trade.run(trials[0], lambda _: None)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(workers, "run_parallel", stopped)
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: stopping_after(1))
     status, out, _ = run(
         "evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3..9", "--json", *TINY
     )
@@ -224,11 +219,36 @@ def test_bad_input_is_one_line(run: Albot, words: tuple[str, ...], found: str) -
     assert err.count("\n") == 1
 
 
-def test_what_is_wrong_with_a_trial_comes_back_as_an_error() -> None:
-    trial = Trial(task="Albot/Homing-v0", agent="random", world="nowhere", seed=1)
-    assert isinstance(TrialRunner().run(trial, lambda _: None), InputError)
-    with pytest.raises(RuntimeError, match="seed 1, step 3: the process died"):
-        TrialRunner().on_crash(trial, 3, "the process died")
+class _Crashing(InlineEngine):
+    """Every process dies in its third step where the seed is 4."""
+
+    def run(self, work: Any, tasks: Iterable[Any], *, fresh: bool = False) -> Any:
+        crash = Crash(step=3, cause="the process died: signal SIGKILL", tries=4)
+        for done in super().run(work, tasks):
+            trials = done.task if isinstance(done.task, list) else [done.task]
+            seeds = {trial.seed for trial in trials}
+            yield replace(done, result=crash) if 4 in seeds else done
+
+
+@pytest.mark.parametrize("batch", ["1", "2"])
+def test_what_crashes_is_listed_with_its_command(
+    run: Albot, monkeypatch: pytest.MonkeyPatch, batch: str
+) -> None:
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: _Crashing())
+    words = ("evaluate", "explore", "--agent", "random", "--worlds", "square-loop")
+    words += ("--seeds", "2..5", "--steps", "5", "--batch", batch)
+    status, out, _ = run(*words, "--json")
+    found = json.loads(out)
+    failed = [4] if batch == "1" else [4, 5]
+    assert (status, found["episodes"]) == (1, 4 - len(failed))
+    assert [each["seed"] for each in found["failed"]] == failed
+    first = found["failed"][0]
+    assert (first["step"], first["what"]) == (3, "the process died: signal SIGKILL")
+    assert first["command"].endswith("--agent random --seed 4 --steps 3")
+    assert first["command"].startswith("albot play Albot/Explore-v0 --world square-loop")
+    status, out, _ = run(*words)
+    assert f"failed: random in square-loop, seed 4, step 3: {first['what']}, 4 times\n" in out
+    assert f"  {first['command']}" in out
 
 
 def test_a_trial_tells_its_steps() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from albot_agents import workers
+from albot_agents.engine import choice
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.recordings import Recording, Recordings, last_frame
 from albot_agents.evaluation.together import run_together
@@ -32,6 +32,7 @@ from albot_env.recording.writer import EpisodeWriter
 from tests.cli.test_evaluate import Albot, run
 from tests.cli.test_play import _environment
 from tests.env import quick
+from tests.inline_engine import InlineEngine
 from tests.processes import ALBOT, running, wait_until
 
 assert run  # The fixture.
@@ -156,11 +157,11 @@ def test_exploring_neither_fails_nor_succeeds(run: Albot, tmp_path: Path) -> Non
 def test_an_error_on_the_way_leaves_no_folder(
     run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(runner: Any, trials: list[Trial], jobs: int) -> Any:
-        yield runner.run(trials[0], lambda _: None)
-        yield InputError("world", "another one")
+    def fail(trial: Trial) -> None:
+        if trial.seed == 4:
+            raise InputError("world", "another one")
 
-    monkeypatch.setattr(workers, "run_parallel", fails)
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: InlineEngine(fail))
     words = (*WORDS, "--agent", "random", "--seeds", "3..4", "--steps", "5")
     assert run(*words, "--record", str(tmp_path / "new"))[0] == 2
     assert not list(tmp_path.iterdir())

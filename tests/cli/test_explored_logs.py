@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from albot_cli import explored_logs
+from albot_agents.engine.local import LocalEngine
 from albot_cli.explored_logs import Exploration, explore_all
 from albot_core.errors import InputError
+from tests.inline_engine import InlineEngine
 
 SENSORS = {"laser": "none", "sonar": "none"}
 
@@ -16,18 +17,13 @@ def _exploration(**changes) -> Exploration:
     return Exploration(**usual | changes)
 
 
-def test_logs_come_in_the_order_of_their_explorations_whichever_ends_first(monkeypatch) -> None:
-    def run_backwards(runner, tasks, jobs):
-        assert jobs == len(tasks) == 3
-        yield from (runner.run(task, lambda _: None) for task in reversed(tasks))
-
-    monkeypatch.setattr(explored_logs, "run_parallel", run_backwards)
+def test_logs_come_in_the_order_of_their_explorations_whichever_ends_first() -> None:
     explorations = [
         _exploration(steps=1),
         _exploration(steps=2, seed=2),
         _exploration(steps=3, world="office-ring"),
     ]
-    logs = explore_all(explorations, jobs=8)
+    logs = explore_all(explorations, InlineEngine(backwards=True))
     assert [len(log.readings) for log in logs] == [2, 3, 4]
     assert [log.reference is not None for log in logs] == [True] * 3
 
@@ -42,4 +38,4 @@ def test_logs_come_in_the_order_of_their_explorations_whichever_ends_first(monke
 )
 def test_what_cannot_be_explored_is_refused_before_any_process_begins(changes, message) -> None:
     with pytest.raises(InputError, match=message):
-        explore_all([_exploration(**changes)], jobs=1)
+        explore_all([_exploration(**changes)], LocalEngine(1))

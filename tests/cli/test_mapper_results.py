@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import Result
@@ -14,12 +13,13 @@ from click.testing import Result
 from albot_agents.benchmark.entrant import find_entrant
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import Protocol, find_protocol
-from albot_agents.workers import TaskRunner
+from albot_agents.engine import choice
 from albot_cli.mapper_results import measure_costs
 from albot_core.errors import InputError
 from albot_env.tasks.homing_by_map.changes import ChangesConfig
 from tests.cli.conftest import expect_error, figures
 from tests.env.quick import STROLL_BY_MAP
+from tests.inline_engine import InlineEngine
 
 UNCHANGED = replace(
     STROLL_BY_MAP,
@@ -37,13 +37,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         tasks = {task: replace(each, steps=10) for task, each in protocol.tasks.items()}
         return replace(protocol, tasks=tasks)
 
-    def run_parallel(
-        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
-    ) -> Generator[Any, None, None]:
-        yield from (runner.run(task, lambda step: None) for task in tasks)
-
     monkeypatch.setattr("albot_agents.benchmark.folder.find_protocol", find)
-    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: InlineEngine())
     monkeypatch.setattr(
         "albot_agents.benchmark.mappers.sensors_for", lambda mapper: {"config": UNCHANGED}
     )

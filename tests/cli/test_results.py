@@ -7,20 +7,20 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import Result
 
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import Protocol, find_protocol
+from albot_agents.engine import choice
 from albot_agents.trained.trained_agent import shipped_agents
-from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from tests.cli.conftest import expect_error, figures
+from tests.inline_engine import InlineEngine, stopping_after
 
 EXPLORE = ("--task", "explore", "--worlds", "mazes", "--odometer", "pioneer")
 RANDOM = (*EXPLORE, "--agent", "random")
@@ -35,13 +35,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         tasks = {task: replace(each, steps=10) for task, each in protocol.tasks.items()}
         return replace(protocol, tasks=tasks)
 
-    def run_parallel(
-        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
-    ) -> Generator[Any, None, None]:
-        yield from (runner.run(task, lambda step: None) for task in tasks)
-
     monkeypatch.setattr("albot_agents.benchmark.folder.find_protocol", find)
-    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: InlineEngine())
 
 
 def test_what_is_missing_is_run_and_the_page_is_of_all(
@@ -97,13 +92,7 @@ def test_the_page_alone(tmp_path: Path, call: Callable[..., Result]) -> None:
 def test_ctrl_c_leaves_a_page_and_the_status_of_a_stopped_command(
     tmp_path: Path, call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run_parallel(
-        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
-    ) -> Generator[Any, None, None]:
-        yield runner.run(next(iter(tasks)), lambda step: None)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: stopping_after(1))
     out = tmp_path / "results"
     result = call("results", "--out", out, *RANDOM, "--episodes", 3, "--json")
     assert result.return_value == 130

@@ -19,11 +19,11 @@ from albot_agents.benchmark.cell import Cell, EpisodeResult
 from albot_agents.benchmark.entrant import Entrant, find_entrant
 from albot_agents.benchmark.folder import ResultsFolder
 from albot_agents.benchmark.protocol import EpisodeKey
+from albot_agents.engine.engine import Crash, Engine, OnStep
 from albot_agents.evaluation.paired import check_same_episodes
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.together import can_run_together, run_together
-from albot_agents.evaluation.trial import run_trial
-from albot_agents.workers import TaskRunner, run_parallel
+from albot_agents.evaluation.trial import FailedTrial, run_trial
 from albot_core.errors import InputError
 
 _MOST_TOGETHER = 9
@@ -102,6 +102,8 @@ class BenchmarkRun:
         self._folder, self._rows, self._plans = folder, rows, plans
         self._protocol = folder.protocol
         self._limit = episodes
+        self.failed: list[FailedTrial] = []
+        """The episodes that crashed, or that the same task was to run; the folder lacks them."""
         self._settings: dict[tuple[str, str, str, str], dict[str, Any]] = {}
         self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
         for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
@@ -125,34 +127,38 @@ class BenchmarkRun:
         """Number of episodes that the folder lacks."""
         return sum(len(group.members) for group in self._groups())
 
-    def run(self, jobs: int, on_done: Callable[[int], None] = lambda _: None) -> None:
+    def run(self, engine: Engine, on_done: Callable[[int], None] = lambda _: None) -> None:
         """Run the missing episodes, and keep each as soon as it is over.
 
         All cells grow evenly, so that a table of a run that was stopped has figures everywhere.
 
         Args:
-            jobs: Number of processes.
+            engine: Runs them.
             on_done: Called with the number of episodes done by this run.
 
         Raises:
-            InputError: Another process writes into the folder, or it cannot be written, or holds
-                other results of an agent of that name by now.
+            InputError: The engine cannot be started, another process writes into the folder, or it
+                cannot be written, or holds other results of an agent of that name by now.
         """
+        engine.start()
         self._folder.begin()
         with self._folder.locked():
             self._done = self._read_done()  # Another process may have written until now.
             self._keep_agents()
-            results = run_parallel(_GroupRunner(), self._groups(), jobs)
-            done = 0
-            with closing(results):
-                for result in results:
-                    if isinstance(result, InputError):
-                        raise result
-                    for cell, episode in result:
+            count = 0
+            with closing(engine.run(_run_group, self._groups())) as results:
+                for done in results:
+                    if isinstance(done.result, Crash):
+                        trials = [member.trial for member in done.task.members]
+                        self.failed += [
+                            FailedTrial(trial=each, crash=done.result) for each in trials
+                        ]
+                        continue
+                    for cell, episode in done.result:
                         self._folder.add(cell, self._fingerprints[cell.agent], [episode])
                         self._done[cell].add((episode.world, episode.seed))
-                    done += len(result)
-                    on_done(done)
+                    count += len(done.result)
+                    on_done(count)
 
     def _check_task(self, rows: Sequence[Row]) -> None:
         """Check the settings of a task's rows, and that they are of the protocol's episodes.
@@ -257,35 +263,14 @@ def _in_batches(row: Row) -> bool:
     return row.entrant.entry.file is not None and can_run_together(row.task)
 
 
-Kept = list[tuple[Cell, EpisodeResult]]
-"""Episodes and their cells."""
-
-
-class _GroupRunner(TaskRunner[_Group, "Kept | InputError"]):
-    """Runs the episodes of a group; an InputError is returned as the result."""
-
-    def run(self, task: _Group, on_step: Callable[[int], None]) -> Kept | InputError:
-        """Run the episodes, in a batch or one after another."""
-        trials = [member.trial for member in task.members]
-        try:
-            if task.together:
-                outcomes = run_together(trials, on_step)
-            else:
-                outcomes = [run_trial(trial, on_step) for trial in trials]
-        except InputError as error:
-            return error
-        return [
-            (member.cell, EpisodeResult.of(outcome, member.cell.agent, member.key.world))
-            for member, outcome in zip(task.members, outcomes, strict=True)
-        ]
-
-    def on_crash(self, task: _Group, step: int, cause: str) -> Kept | InputError:
-        """Raise RuntimeError: the process died, which is a bug.
-
-        Raises:
-            RuntimeError: Always.
-        """
-        trial = task.members[0].trial
-        raise RuntimeError(
-            f"{trial.task} in {trial.world}, seed {trial.seed}, step {step}: {cause}"
-        )
+def _run_group(group: _Group, on_step: OnStep, /) -> list[tuple[Cell, EpisodeResult]]:
+    """Run the episodes of a group, in a batch or one after another; return each with its cell."""
+    trials = [member.trial for member in group.members]
+    if group.together:
+        outcomes = run_together(trials, on_step)
+    else:
+        outcomes = [run_trial(trial, on_step) for trial in trials]
+    return [
+        (member.cell, EpisodeResult.of(outcome, member.cell.agent, member.key.world))
+        for member, outcome in zip(group.members, outcomes, strict=True)
+    ]

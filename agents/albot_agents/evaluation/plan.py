@@ -16,6 +16,7 @@ import albot_env
 from albot_core.errors import InputError
 from albot_core.robot import DEFAULT_ROBOT, choose_robot
 from albot_env.export.transitions import TransitionsLog, environment_spec
+from albot_env.recording.command import play_lines
 from albot_env.recording.episode import Recorder
 from albot_maps import World, load_world
 from albot_maps.generators.spec import PREFIX, seeded
@@ -79,6 +80,19 @@ class Trial:
             agent=self.agent,
             observation=observation,
         )
+
+    def command(self, steps: int | None = None) -> str:
+        """Return lines for a shell that play the episode; empty if `albot play` cannot.
+
+        Args:
+            steps: Number of steps; None for all.
+        """
+        try:
+            spec = environment_spec(self.task, {"world": self.world, **self.settings})
+        except InputError:  # JSON cannot hold a setting.
+            return ""
+        steps = spec["max_episode_steps"] if steps is None else steps
+        return play_lines(self.task, spec["kwargs"], self.agent, self.seed, steps)
 
     @property
     def loaded_world(self) -> World:

@@ -19,8 +19,6 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import EpisodeLog, Outcome
 from albot_agents.registry import make_agent
 from albot_agents.task import batch_settings
-from albot_agents.workers import TaskRunner
-from albot_core.errors import InputError
 from albot_env.recording.episode import FirstEpisode, Recorder
 
 
@@ -93,31 +91,6 @@ def run_together(
         replace(log.outcome, transitions=None if each is None else each.transitions())
         for log, each in zip(logs, kept, strict=True)
     ]
-
-
-class BatchRunner(TaskRunner[Sequence[Trial], "list[Outcome] | InputError"]):
-    """Runs batches of trials; an InputError is returned as the result."""
-
-    def run(
-        self, task: Sequence[Trial], on_step: Callable[[int], None]
-    ) -> list[Outcome] | InputError:
-        """Run the trials of a batch."""
-        try:
-            return run_together(task, on_step)
-        except InputError as error:
-            return error
-
-    def on_crash(self, task: Sequence[Trial], step: int, cause: str) -> list[Outcome] | InputError:
-        """Raise RuntimeError: the process died, which is a bug.
-
-        Raises:
-            RuntimeError: Always.
-        """
-        first = task[0]
-        raise RuntimeError(
-            f"{first.task}, {len(task)} episodes from {first.world}, seed {first.seed}, "
-            f"step {step}: {cause}"
-        )
 
 
 def _make_batch(trials: Sequence[Trial]) -> Any:

@@ -10,12 +10,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_agents.agent import EnvironmentConfigs, begin_episode, choose_action
+from albot_agents.engine.engine import Crash
 from albot_agents.evaluation.map_figures import MapFigures
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.recordings import Recording, Recordings
 from albot_agents.registry import make_agent
-from albot_agents.workers import TaskRunner
-from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_env.export.transitions import Transitions
 from albot_env.recording.episode import Recorder
@@ -73,6 +72,31 @@ class Outcome:
     def coverage_auc(self) -> float | None:
         """Mean share of ground covered over the first `HORIZON` metres; None if not measured."""
         return area_under(self.coverage_curve) if len(self.coverage_curve) else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedTrial:
+    """An episode whose process died each time that it was run, or that ended in a bug."""
+
+    trial: Trial
+    """The episode."""
+    crash: Crash
+    """What happened."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What is told of it: the episode, the step, what happened, the command that plays it."""
+        trial, crash = self.trial, self.crash
+        facts = {"task": trial.task, "agent": trial.agent, "world": trial.world, "seed": trial.seed}
+        command = trial.command(crash.step)
+        return facts | {"step": crash.step, "what": crash.cause, "command": command}
+
+    @property
+    def text(self) -> str:
+        """It as lines of text."""
+        trial = self.trial
+        first = f"failed: {trial.agent} in {trial.world}, seed {trial.seed}, {self.crash}"
+        return "\n  ".join([first, *trial.command(self.crash.step).splitlines()])
 
 
 def run_trial(
@@ -202,30 +226,18 @@ def area_under(curve: Float64[np.ndarray, "samples"]) -> float:
     return float((curve[1:] + curve[:-1]).mean() / 2)
 
 
-class TrialRunner(TaskRunner[Trial, "Outcome | InputError"]):
-    """Runs trials; an InputError is returned as the result.
+def run_recorded(
+    trial: Trial, on_step: Callable[[int], None], /, recordings: Recordings
+) -> Outcome:
+    """Run and record an episode.
 
     Args:
-        recordings: Where the episodes are recorded; None if they are not.
+        trial: The episode.
+        on_step: Called before each step with its number.
+        recordings: Where it is recorded.
+
+    Raises:
+        InputError: There is no such world, mapper or sensor, or a file cannot be written.
     """
-
-    def __init__(self, recordings: Recordings | None = None) -> None:
-        self._recordings = recordings
-
-    def run(self, task: Trial, on_step: Callable[[int], None]) -> Outcome | InputError:
-        """Run a trial."""
-        try:
-            if self._recordings is None:
-                return run_trial(task, on_step)
-            outcome = run_trial(task, on_step, self._recordings.recorder(task))
-            return replace(outcome, recording=self._recordings.keep(task, outcome.info))
-        except InputError as error:
-            return error
-
-    def on_crash(self, task: Trial, step: int, cause: str) -> Outcome | InputError:
-        """Raise RuntimeError: the process died, which is a bug.
-
-        Raises:
-            RuntimeError: Always.
-        """
-        raise RuntimeError(f"{task.task} in {task.world}, seed {task.seed}, step {step}: {cause}")
+    outcome = run_trial(trial, on_step, recordings.recorder(trial))
+    return replace(outcome, recording=recordings.keep(trial, outcome.info))

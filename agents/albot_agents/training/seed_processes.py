@@ -9,10 +9,10 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, runtime_checkable
 
+from albot_agents.engine.local import CONTEXT, interrupts_blocked
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run_files import RunFolder
 from albot_agents.training.seed_folder import SeedRun
-from albot_agents.workers import CONTEXT, interrupts_blocked
 from albot_core.errors import InputError
 from albot_core.interrupts import interrupts_deferred
 

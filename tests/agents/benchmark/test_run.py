@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,11 @@ from albot_agents.benchmark.protocol import Protocol, find_protocol
 from albot_agents.benchmark.run import BenchmarkRun, Row, _in_batches
 from albot_agents.evaluation.plan import _loaded
 from albot_agents.trained.trained_agent import shipped_agents
-from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_env.tasks.core import journeys
 from albot_env.tasks.core.journeys import JourneyCache
 from tests.env.quick import STROLL
+from tests.inline_engine import InlineEngine
 
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
 RANDOM = find_entrant("random")
@@ -39,16 +38,8 @@ def new_folder(path: Path) -> ResultsFolder:
     return folder
 
 
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Episodes run in this process: starting others takes seconds."""
-
-    def run_parallel(
-        runner: TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
-    ) -> Generator[Any, None, None]:
-        yield from (runner.run(task, lambda step: None) for task in tasks)
-
-    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
+HERE = InlineEngine()
+"""Episodes run in this process: starting others takes seconds."""
 
 
 @pytest.fixture
@@ -83,7 +74,7 @@ def test_what_is_missing_is_run_in_the_protocols_order(folder: ResultsFolder) ->
     rows = [row(RANDOM, EXPLORE, "pioneer", "poor")]
     run = BenchmarkRun(folder, rows, 2)
     assert run.missing == 4
-    run.run(1, told.append)
+    run.run(HERE, told.append)
     assert run.missing == 0
     assert told[-1] == 4
     cells = folder.read()
@@ -98,7 +89,7 @@ def test_what_is_missing_is_run_in_the_protocols_order(folder: ResultsFolder) ->
     one, other = (found.episodes[1] for found in cells)
     assert one.begin.tobytes() == other.begin.tobytes()
     before = contents(folder)
-    BenchmarkRun(folder, rows, 2).run(1)
+    BenchmarkRun(folder, rows, 2).run(HERE)
     assert contents(folder) == before
     assert BenchmarkRun(folder, rows, 3).missing == 2
     assert BenchmarkRun(folder, rows).missing == 2 * 98
@@ -107,15 +98,15 @@ def test_what_is_missing_is_run_in_the_protocols_order(folder: ResultsFolder) ->
 def test_a_run_that_was_stopped_ends_as_one_that_was_not(tmp_path: Path) -> None:
     whole, stopped = new_folder(tmp_path / "whole"), new_folder(tmp_path / "stopped")
     rows = [row(RANDOM, EXPLORE, "pioneer", "ideal", "poor")]
-    BenchmarkRun(whole, rows, 2).run(1)
+    BenchmarkRun(whole, rows, 2).run(HERE)
 
     def stop(done: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        BenchmarkRun(stopped, rows, 2).run(1, stop)
+        BenchmarkRun(stopped, rows, 2).run(HERE, stop)
     assert 0 < BenchmarkRun(stopped, rows, 2).missing < 6
-    BenchmarkRun(stopped, rows, 2).run(1)
+    BenchmarkRun(stopped, rows, 2).run(HERE)
     assert contents(stopped) == contents(whole)
 
 
@@ -131,11 +122,11 @@ def test_episodes_that_run_together_are_those_that_run_alone(
         for name in ("oracle", "path-integration", "albot1-homing", "homing-blind")
     ]
     rows = [row(entrant, HOMING, "pioneer", "poor") for entrant in entrants]
-    BenchmarkRun(together, rows, 1).run(1)
+    BenchmarkRun(together, rows, 1).run(HERE)
     for each in reversed(rows):
         for odometer in reversed(each.odometers):
             _loaded.cache_clear()  # In a new world no way and no journey is known.
-            BenchmarkRun(alone, [replace(each, odometers=(odometer,))], 1).run(1)
+            BenchmarkRun(alone, [replace(each, odometers=(odometer,))], 1).run(HERE)
     assert contents(together) == contents(alone)
     assert len(together.read()) == 8
     begins = {one.begin.tobytes() for found in together.read() for one in found.episodes}
@@ -146,9 +137,9 @@ def test_batches_of_a_trained_agent_are_its_episodes(tmp_path: Path) -> None:
     """An agent that explores is run in batches; one episode after another it does the same."""
     together, alone = new_folder(tmp_path / "together"), new_folder(tmp_path / "alone")
     rows = [row(find_entrant("exploring"), EXPLORE, "pioneer", "poor")]
-    BenchmarkRun(together, rows, 3).run(1)
+    BenchmarkRun(together, rows, 3).run(HERE)
     for episodes in (1, 2, 3):
-        BenchmarkRun(alone, rows, episodes).run(1)
+        BenchmarkRun(alone, rows, episodes).run(HERE)
     assert contents(together) == contents(alone)
     assert _in_batches(rows[0])
     assert not _in_batches(row(find_entrant("gap-explorer"), EXPLORE))
@@ -165,7 +156,7 @@ def test_a_trained_agents_plan_and_facts_are_kept(folder: ResultsFolder, tmp_pat
     assert entrant.fingerprint is not None
     assert entrant.name == f"mine-{entrant.fingerprint[:8]}"
     entrant = replace(entrant, settings={"config": STROLL})
-    BenchmarkRun(folder, [row(entrant, HOMING)], 1).run(1)
+    BenchmarkRun(folder, [row(entrant, HOMING)], 1).run(HERE)
     facts = folder.read_agents()[entrant.name]
     assert facts["fingerprint"] == entrant.fingerprint
     assert facts["mapper"] == "albot1"
@@ -178,7 +169,7 @@ def test_a_trained_agents_plan_and_facts_are_kept(folder: ResultsFolder, tmp_pat
 @pytest.mark.usefixtures("strolls")
 def test_results_of_another_agent_of_the_name_are_refused(folder: ResultsFolder) -> None:
     homing = replace(find_entrant("homing"), settings={"config": STROLL})
-    BenchmarkRun(folder, [row(homing, HOMING)], 1).run(1)
+    BenchmarkRun(folder, [row(homing, HOMING)], 1).run(HERE)
     BenchmarkRun(folder, [row(homing, HOMING)], 2)
     other = replace(homing, entry=find_entrant("homing-blind").entry)
     with pytest.raises(InputError, match="expected results of the same agent homing; remove its"):
@@ -239,16 +230,16 @@ def test_no_cell_is_in_two_rows(folder: ResultsFolder) -> None:
 
 def test_a_process_after_another_runs_what_is_still_missing(folder: ResultsFolder) -> None:
     one, other = BenchmarkRun(folder, [row()], 1), BenchmarkRun(folder, [row()], 2)
-    one.run(1)
+    one.run(HERE)
     told: list[int] = []
-    other.run(1, told.append)
+    other.run(HERE, told.append)
     assert told == [1]
     assert len(folder.read()[0].episodes) == 2
 
 
 def test_it_is_complete_with_all_episodes_of_the_protocol(folder: ResultsFolder) -> None:
     run = BenchmarkRun(folder, [row()], 1)
-    run.run(1)
+    run.run(HERE)
     assert run.missing == 0
     assert not run.is_complete
     folder.protocol = replace(folder.protocol, episodes=1)
@@ -275,21 +266,18 @@ def test_a_second_process_is_refused(folder: ResultsFolder) -> None:
     folder.begin()
     run = BenchmarkRun(folder, [row()], 1)
     with folder.locked(), pytest.raises(InputError, match="no other process writes into"):
-        run.run(1)
+        run.run(HERE)
 
 
-def test_all_cells_grow_evenly(folder: ResultsFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_cells_grow_evenly(folder: ResultsFolder) -> None:
     """A table of a run that was stopped has figures everywhere."""
     order: list[tuple[int, Cell]] = []
 
-    def run_parallel(runner: object, tasks: Iterable[Any], jobs: int) -> Iterator[list[Any]]:
-        for group in tasks:
-            order.extend((member.key.seed, member.cell) for member in group.members)
-            yield from ()
+    def note(group: Any) -> None:
+        order.extend((member.key.seed, member.cell) for member in group.members)
 
-    monkeypatch.setattr("albot_agents.benchmark.run.run_parallel", run_parallel)
     tasks = (EXPLORE, "Albot/ExploreAndHome-v1")
     rows = [row(RANDOM, task, *find_protocol().odometers) for task in tasks]
-    BenchmarkRun(folder, rows, 3).run(1)
+    BenchmarkRun(folder, rows, 3).run(InlineEngine(note))
     assert [seed for seed, _ in order] == [70000] * 6 + [70001] * 6 + [70002] * 6
     assert [cell for _, cell in order[:6]] == [cell for each in rows for cell in each.cells]

@@ -51,7 +51,7 @@ def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.M
 def test_few_journeys_and_one_thread_are_no_reason_to_start_processes(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(prepared, "run_parallel", lambda *_: pytest.fail("processes"))
+    monkeypatch.setattr(prepared, "LocalEngine", lambda *_: pytest.fail("processes"))
     for given in (settings(two_rooms, threads=2), settings(two_rooms, threads=1, journeys=40)):
         batch: Any = gymnasium.make_vec(TASK, num_envs=2, **given)
         missing = len(batch.missing_journeys())
@@ -99,7 +99,7 @@ def test_what_turns_out_too_heavy_is_not_laid_in(
 ) -> None:
     """The first journey shows that they would drive each other out."""
     monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
-    monkeypatch.setattr(prepared, "run_parallel", lambda *_: pytest.fail("processes"))
+    monkeypatch.setattr(prepared, "LocalEngine", lambda *_: pytest.fail("processes"))
     monkeypatch.setattr(journeys, "ASSUMED_BYTES", 1)
     monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache(1000))
     given = settings(two_rooms, threads=2)
