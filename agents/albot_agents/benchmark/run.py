@@ -8,6 +8,7 @@ agent in a task without journeys run together in a batch (`together`).
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -17,8 +18,9 @@ from typing import Any
 
 from albot_agents.benchmark.cell import Cell, EpisodeResult
 from albot_agents.benchmark.entrant import Entrant, find_entrant
-from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.folder import CellResults, ResultsFolder, cell_name
 from albot_agents.benchmark.protocol import EpisodeKey
+from albot_agents.benchmark.times import Spent, add_times
 from albot_agents.evaluation.paired import check_same_episodes
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.together import can_run_together, run_together
@@ -104,13 +106,46 @@ class BenchmarkRun:
         self._limit = episodes
         self._settings: dict[tuple[str, str, str, str], dict[str, Any]] = {}
         self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
+        self._sources = {
+            (row.entrant.name, row.entrant.mapper): row.entrant.sources for row in rows
+        }
         for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
             self._protocol.check_worlds(kind, plans)
         for task in dict.fromkeys(row.task for row in rows):
             self._check_task([row for row in rows if row.task == task])
         cells = [cell for row in rows for cell in row.cells]
         assert len(set(cells)) == len(cells), "a cell is in two rows"
-        self._done = self._read_done()
+        self.take_stock(folder.read())
+
+    def take_stock(self, results: Iterable[CellResults], source: object = None) -> None:
+        """Note what the folder has, or will have before the run.
+
+        Args:
+            results: The results.
+            source: Where they are from, for errors; None for the folder.
+
+        Raises:
+            InputError: Some are of another agent of a row's name, or of another state of its agent
+                or mapper.
+        """
+        self._done: dict[Cell, set[tuple[str, int]]]
+        self._done = {cell: set() for row in self._rows for cell in row.cells}
+        for found in results:
+            self._check_same(found, source or self._folder.file(found.cell))
+            if found.cell in self._done:
+                self._done[found.cell] = {(one.world, one.seed) for one in found.episodes}
+
+    def _check_same(self, found: CellResults, file: object) -> None:
+        """Raise InputError for results of another agent, or of another state of a row."""
+        cell, agent = found.cell, found.cell.agent
+        if found.fingerprint != self._fingerprints.get(agent, found.fingerprint):
+            expected = f"results of the same agent {agent}; remove its files to measure anew"
+            raise InputError(file, expected, "those of another of that name")
+        wanted = self._sources.get((agent, cell.mapper), found.sources)
+        if cell in self._done and found.sources != wanted:
+            expected = f"results of the installed sources of {agent} and its mapper ({wanted}); "
+            expected += "remove the file to measure anew"
+            raise InputError(file, expected, f"those of others ({found.sources})")
 
     @property
     def is_complete(self) -> bool:
@@ -140,7 +175,7 @@ class BenchmarkRun:
         """
         self._folder.begin()
         with self._folder.locked():
-            self._done = self._read_done()  # Another process may have written until now.
+            self.take_stock(self._folder.read())  # Another process may have written until now.
             self._keep_agents()
             results = run_parallel(_GroupRunner(), self._groups(), jobs)
             done = 0
@@ -148,11 +183,24 @@ class BenchmarkRun:
                 for result in results:
                     if isinstance(result, InputError):
                         raise result
-                    for cell, episode in result:
-                        self._folder.add(cell, self._fingerprints[cell.agent], [episode])
-                        self._done[cell].add((episode.world, episode.seed))
+                    self._keep(result)
                     done += len(result)
                     on_done(done)
+
+    def _keep(self, measured: Sequence[Measured]) -> None:
+        for one in measured:
+            cell, episode = one.cell, one.episode
+            self._folder.add(
+                CellResults(
+                    cell=cell,
+                    fingerprint=self._fingerprints[cell.agent],
+                    sources=self._sources[cell.agent, cell.mapper],
+                    episodes=[episode],
+                )
+            )
+            self._done[cell].add((episode.world, episode.seed))
+        spent = [(cell_name(one.cell), Spent(episodes=1, seconds=one.seconds)) for one in measured]
+        add_times(self._folder.path, spent)
 
     def _check_task(self, rows: Sequence[Row]) -> None:
         """Check the settings of a task's rows, and that they are of the protocol's episodes.
@@ -171,23 +219,6 @@ class BenchmarkRun:
             is_own = cell.mapper == row.entrant.entry.mapper
             trials[cell.agent if is_own else f"{cell.agent} with {cell.mapper}"] = trial
         check_same_episodes(trials)
-
-    def _read_done(self) -> dict[Cell, set[tuple[str, int]]]:
-        """Return world and seed of each episode that the folder has, by cell of the rows.
-
-        Raises:
-            InputError: A file is damaged, or any holds results of another agent of that name.
-        """
-        done: dict[Cell, set[tuple[str, int]]]
-        done = {cell: set() for row in self._rows for cell in row.cells}
-        for found in self._folder.read():
-            cell, agent = found.cell, found.cell.agent
-            if found.fingerprint != self._fingerprints.get(agent, found.fingerprint):
-                expected = f"results of the same agent {agent}; remove its files to measure anew"
-                raise InputError(self._folder.file(cell), expected, "those of another of that name")
-            if cell in done:
-                done[cell] = {(one.world, one.seed) for one in found.episodes}
-        return done
 
     def _keep_agents(self) -> None:
         for entrant in {row.entrant.name: row.entrant for row in self._rows}.values():
@@ -257,29 +288,44 @@ def _in_batches(row: Row) -> bool:
     return row.entrant.entry.file is not None and can_run_together(row.task)
 
 
-Kept = list[tuple[Cell, EpisodeResult]]
-"""Episodes and their cells."""
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """An episode that was run."""
+
+    cell: Cell
+    """Its cell."""
+    episode: EpisodeResult
+    """Its result."""
+    seconds: float
+    """Processor time that it took, or its share of that of its batch (s)."""
 
 
-class _GroupRunner(TaskRunner[_Group, "Kept | InputError"]):
+class _GroupRunner(TaskRunner[_Group, "list[Measured] | InputError"]):
     """Runs the episodes of a group; an InputError is returned as the result."""
 
-    def run(self, task: _Group, on_step: Callable[[int], None]) -> Kept | InputError:
+    def run(self, task: _Group, on_step: Callable[[int], None]) -> list[Measured] | InputError:
         """Run the episodes, in a batch or one after another."""
         trials = [member.trial for member in task.members]
+        outcomes, seconds = [], []
         try:
-            if task.together:
-                outcomes = run_together(trials, on_step)
-            else:
-                outcomes = [run_trial(trial, on_step) for trial in trials]
+            for some in [trials] if task.together else [[trial] for trial in trials]:
+                before = time.process_time()
+                outcomes += (
+                    run_together(some, on_step) if task.together else [run_trial(some[0], on_step)]
+                )
+                seconds += [(time.process_time() - before) / len(some)] * len(some)
         except InputError as error:
             return error
         return [
-            (member.cell, EpisodeResult.of(outcome, member.cell.agent, member.key.world))
-            for member, outcome in zip(task.members, outcomes, strict=True)
+            Measured(
+                cell=member.cell,
+                episode=EpisodeResult.of(outcome, member.cell.agent, member.key.world),
+                seconds=spent,
+            )
+            for member, outcome, spent in zip(task.members, outcomes, seconds, strict=True)
         ]
 
-    def on_crash(self, task: _Group, step: int, cause: str) -> Kept | InputError:
+    def on_crash(self, task: _Group, step: int, cause: str) -> list[Measured] | InputError:
         """Raise RuntimeError: the process died, which is a bug.
 
         Raises:
