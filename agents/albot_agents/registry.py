@@ -77,6 +77,8 @@ class AgentEntry:
     observations: ObservationConfig | None = None
     """What a scripted agent observes in evaluations unless others are requested; None for
     the task's default."""
+    skills: tuple[str, ...] = ()
+    """Names of the trained agents of which a scripted one is made."""
     file: AgentFile | None = None
     """The file of a trained agent; None for a scripted one."""
 
@@ -178,6 +180,7 @@ AGENTS = {
         make=TrainedRoundTrip,
         uses=TrainedRoundTrip.OBSERVATIONS.parts,
         observations=TrainedRoundTrip.OBSERVATIONS,
+        skills=TrainedRoundTrip.SKILLS,
         tasks=(ROUND_TRIP,),
     ),
     GapExplorerAgent.name: AgentEntry(
@@ -254,7 +257,7 @@ AGENTS = {
     ),
     RandomAgent.name: AgentEntry(
         summary="Acts at random: the lower bound.",
-        make=lambda _: RandomAgent(),
+        make=RandomAgent,
         mapper="none",
         tasks=(EXPLORE, HOMING, BY_MAP, ROUND_TRIP, PLACES),
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +30,11 @@ from albot_core.files import write_text
 from albot_core.interrupts import interrupts_deferred
 
 if TYPE_CHECKING:
+    from albot_agents.benchmark.folder import ResultsFolder
+    from albot_agents.benchmark.page import Report
     from albot_agents.benchmark.protocol import Protocol
     from albot_agents.benchmark.run import BenchmarkRun, Row
+    from albot_agents.benchmark.times import RowTime
     from albot_agents.engine.engine import Engine
 
 _PAGE = "results.md"
@@ -104,6 +108,21 @@ _PAGE = "results.md"
     help="The page, a .md file; its figures go into a JSON file beside it.  "
     f"[default: {_PAGE} in the folder]",
 )
+@click.option(
+    "--from",
+    "sources",
+    multiple=True,
+    type=PathType(exists=True),
+    help="First add the results in this file (of --rows) or folder to those of the folder; "
+    "repeatable.",
+)
+@click.option(
+    "--rows",
+    "rows_file",
+    type=PathType(dir_okay=False),
+    help="Also write all results that the folder has into this file, a line an episode; its name "
+    "ends in .jsonl.gz.",
+)
 @engine_options
 @JSON
 def command(
@@ -118,6 +137,8 @@ def command(
     plans: Path | None,
     page: Path | None,
     engine: Engine,
+    sources: tuple[Path, ...],
+    rows_file: Path | None,
     as_json: bool,
 ) -> int:
     """Run the benchmark's episodes that a folder lacks, and write the page of all that it has.
@@ -125,69 +146,116 @@ def command(
     Tasks, worlds, seeds and odometers are those of a protocol, which is frozen (docs/benchmark.md).
     It can be stopped at any time, also by `kill`: the same command goes on. If Ctrl-C stops it, the
     page is written and the exit status is 130. It is 1 if episodes crashed, which are listed.
+    Results of several machines add up by --rows there and --from here.
     """
-    from albot_agents.benchmark.costs import read_costs
     from albot_agents.benchmark.folder import ResultsFolder
-    from albot_agents.benchmark.mapper_page import mapper_data
-    from albot_agents.benchmark.page import Report, page_data, render_lines, render_page
-    from albot_agents.benchmark.run import BenchmarkRun
-    from albot_agents.task import find_task
+    from albot_agents.benchmark.page import render_lines
+    from albot_agents.benchmark.times import row_times, time_line
 
     page = out / _PAGE if page is None else page
-    _check_outputs(out, page)
+    _check_outputs(out, page, rows_file)
     folder = ResultsFolder(out, version)
-    tasks = tuple(dict.fromkeys(map(find_task, tasks)))
-    kinds, odometers = tuple(dict.fromkeys(kinds)), tuple(dict.fromkeys(odometers))
-    if mappers:
-        _check_names("--odometer", odometers, folder.protocol.odometers)
-        rows = rows_of_mappers(folder.protocol, mappers, tasks, agents, kinds, odometers)
-    else:
-        has_plans = plans is not None or episodes == 0
-        rows = _rows(folder.protocol, tasks, agents, kinds, odometers, has_plans)
+    choice = _Choice(tasks=tasks, agents=agents, mappers=mappers, kinds=kinds, odometers=odometers)
+    rows = choice.rows(folder.protocol, has_plans=plans is not None or episodes == 0)
     most = _check_episodes(folder.protocol, rows, episodes)
-    # A damaged file raises before the work begins.
-    has_results = any(found.episodes for found in folder.read())
-    folder.read_agents()
-    read_costs(out)
-    if episodes == 0 and not has_results:
-        raise InputError(out, "a folder with results", "none")
-    run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
+    run = _begin(folder, rows, episodes, plans, sources)
     stopped = _run(run, engine)
     if mappers and not stopped and episodes != 0:
         stopped = measure_costs(folder, [row.entrant.mapper for row in rows])
-    report = Report.of(folder)
     with interrupts_deferred():
-        report = draw_mappers(report, page)
-        chosen = report.only({row.entrant.name for row in rows}) if agents else report
-        figures = page.with_suffix(".json")
-        write_text(figures, json.dumps(page_data(report), indent=1) + "\n")
-        write_text(page, render_page(report, page.parent))
-    facts: dict[str, Any] = {"protocol": folder.protocol.protocol, "missing": run.missing}
-    files = {"page": str(page), "figures": str(figures)}
-    if report.picture is not None:
-        files["picture"] = str(page.with_name(report.picture))
-    facts |= {"stopped": stopped, "failed": [each.facts for each in run.failed], "files": files}
+        report, files = _write(folder, page, rows_file)
+    chosen = report.only({row.entrant.name for row in rows}) if agents else report
+    times = list(row_times(folder, rows))
     if as_json:
-        facts["rows"] = page_data(chosen)["rows"]
-        if mappers:
-            facts["mappers"] = mapper_data(report.mappers)
-        click.echo(json.dumps(facts))
+        facts = {"protocol": folder.protocol.protocol, "missing": run.missing, "stopped": stopped}
+        facts["failed"] = [each.facts for each in run.failed]
+        facts["files"] = {name: str(file) for name, file in files.items()}
+        click.echo(json.dumps(facts | _figures(chosen, times, with_mappers=bool(mappers))))
     else:
-        lines = render_lines(chosen) if agents else []
-        lines += [] if episodes == 0 else [_left(run, episodes, most)]
+        lines = [*render_lines(chosen), *map(time_line, times)] if agents else []
+        if episodes != 0:
+            lines.append(_left(run, episodes, most))
         lines += [each.text for each in run.failed]
-        click.echo("\n".join([*lines, str(page), str(figures)]))
+        click.echo("\n".join([*lines, *map(str, files.values())]))
     return STOPPED if stopped else int(bool(run.failed))
 
 
-def _check_outputs(out: Path, page: Path) -> None:
-    """Raise InputError if the folder or the page cannot be written."""
+def _begin(
+    folder: ResultsFolder,
+    rows: list[Row],
+    episodes: int | None,
+    plans: Path | None,
+    sources: tuple[Path, ...],
+) -> BenchmarkRun:
+    """Return the run of what is missing, after the results of other sources were added.
+
+    Raises:
+        InputError: A file is damaged, results contradict each other or are of others than the
+            rows, or there are none for a page alone. Then nothing is written.
+    """
+    from albot_agents.benchmark.rows_file import Results, merge, read_results
+    from albot_agents.benchmark.run import BenchmarkRun
+    from albot_agents.benchmark.times import read_times
+
+    others = [read_results(source, folder.protocol) for source in sources]
+    results = merge([Results.of(folder), *others])
+    read_times(folder.path)
+    if episodes == 0 and not results.cells:
+        raise InputError(folder.path, "a folder with results", "none")
+    run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
+    for other in others:
+        run.take_stock(other.cells.values(), other.source)
+    run.take_stock(results.cells.values())
+    if others:
+        results.write(folder)
+    return run
+
+
+def _write(
+    folder: ResultsFolder, page: Path, rows_file: Path | None
+) -> tuple[Report, dict[str, Path]]:
+    """Write the page, its figures and picture, and the file of rows; return report and files."""
+    from albot_agents.benchmark.page import Report, page_data, render_page
+    from albot_agents.benchmark.rows_file import Results, write_rows
+
+    report = draw_mappers(Report.of(folder), page)
+    files = {"page": page, "figures": page.with_suffix(".json")}
+    if report.picture is not None:
+        files["picture"] = page.with_name(report.picture)
+    write_text(files["figures"], json.dumps(page_data(report), indent=1) + "\n")
+    write_text(page, render_page(report, page.parent))
+    if rows_file is not None:
+        files["rows"] = rows_file
+        write_rows(Results.of(folder), folder.protocol, rows_file)
+    return report, files
+
+
+def _figures(chosen: Report, times: list[RowTime], *, with_mappers: bool) -> dict[str, Any]:
+    """Return the figures of the rows that were asked for, as plain data."""
+    from albot_agents.benchmark.mapper_page import mapper_data
+    from albot_agents.benchmark.page import page_data
+
+    facts: dict[str, Any] = {"rows": page_data(chosen)["rows"]}
+    facts["times"] = [asdict(row) for row in times]
+    if with_mappers:
+        facts["mappers"] = mapper_data(chosen.mappers)
+    return facts
+
+
+def _check_outputs(out: Path, page: Path, rows_file: Path | None) -> None:
+    """Raise InputError if the folder, the page or the file of rows cannot be written."""
+    from albot_agents.benchmark.rows_file import SUFFIX
+
     if page.suffix != ".md":
         raise InputError("--page", "a name that ends in .md", str(page))
+    if rows_file is not None and not rows_file.name.endswith(SUFFIX):
+        raise InputError("--rows", f"a name that ends in {SUFFIX}", str(rows_file))
     check_folder(out)
-    if page.parent != out:
-        for file in (page, page.with_suffix(".json")):
-            check_file(file, force=True)
+    others = [] if page.parent == out else [page, page.with_suffix(".json")]
+    if rows_file is not None and rows_file.parent != out:
+        others.append(rows_file)
+    for file in others:
+        check_file(file, force=True)
 
 
 def _check_episodes(protocol: Protocol, rows: list[Row], episodes: int | None) -> int:
@@ -206,6 +274,43 @@ def _left(run: BenchmarkRun, episodes: int | None, most: int) -> str:
     return "complete" if run.is_complete else f"{episodes} of {most} episodes a cell"
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Choice:
+    """What the options ask for; none of a kind for all of it."""
+
+    tasks: tuple[str, ...]
+    """Names of tasks."""
+    agents: tuple[str, ...]
+    """Names or files of agents."""
+    mappers: tuple[str, ...]
+    """Names of mappers that are compared."""
+    kinds: tuple[str, ...]
+    """Kinds of worlds."""
+    odometers: tuple[str, ...]
+    """Presets of odometer noise."""
+
+    def rows(self, protocol: Protocol, *, has_plans: bool) -> list[Row]:
+        """Return the rows.
+
+        Args:
+            protocol: The protocol.
+            has_plans: Whether floor plans can be run, or need not be.
+
+        Raises:
+            InputError: An option names what the protocol has not, or an agent has no row.
+        """
+        from albot_agents.task import find_task
+
+        tasks = tuple(dict.fromkeys(map(find_task, self.tasks)))
+        kinds, odometers = (tuple(dict.fromkeys(some)) for some in (self.kinds, self.odometers))
+        _check_names("--odometer", odometers, protocol.odometers)
+        if self.mappers:
+            return rows_of_mappers(protocol, self.mappers, tasks, self.agents, kinds, odometers)
+        _check_names("--task", tasks, protocol.tasks)
+        _check_names("--worlds", kinds, protocol.worlds)
+        return _rows(protocol, tasks, self.agents, kinds, odometers, has_plans)
+
+
 def _rows(
     protocol: Protocol,
     tasks: tuple[str, ...],
@@ -218,23 +323,20 @@ def _rows(
 
     Args:
         protocol: The protocol.
-        tasks: Ids of tasks; none for all.
+        tasks: Ids of tasks of the protocol; none for all.
         agents: Names or files of agents; none for all of a task.
         kinds: Kinds of worlds; none for all of a task.
         odometers: Presets of odometer noise; none for all.
         has_plans: Whether floor plans can be run, or need not be.
 
     Raises:
-        InputError: An option names what the protocol has not, or an agent has no row.
+        InputError: There are no floor plans to run, or an agent has no row.
     """
     from albot_agents.benchmark.entrant import find_entrant
     from albot_agents.benchmark.protocol import PLANS
     from albot_agents.benchmark.run import Row
     from albot_agents.registry import agent_names
 
-    _check_names("--task", tasks, protocol.tasks)
-    _check_names("--worlds", kinds, protocol.worlds)
-    _check_names("--odometer", odometers, protocol.odometers)
     if PLANS in kinds and not has_plans:
         raise InputError("--worlds", "--plans, the folder of the floor plans", "none")
     entrants = list({entrant.name: entrant for entrant in map(find_entrant, agents)}.values())

@@ -80,6 +80,21 @@ class EpisodeResult:
             info=single_values(outcome.info),
         )
 
+    def difference(self, other: EpisodeResult) -> tuple[str, Any, Any] | None:
+        """Return the first value that differs from another result's: its name, and both values.
+
+        None if the results are the same.
+        """
+        mine, its = self._flat(), other._flat()
+        for name in (*mine, *its):
+            if mine.get(name) != its.get(name) or (name in mine) != (name in its):
+                return name, mine.get(name), its.get(name)
+        return None
+
+    def _flat(self) -> dict[str, Any]:
+        data = self.to_plain()
+        return {f"info.{name}": value for name, value in data.pop("info").items()} | data
+
     def to_plain(self) -> dict[str, Any]:
         """Return it as plain data, without the agent's name; `read_episode` is the inverse."""
         data = {each.name: getattr(self, each.name) for each in fields(self)}

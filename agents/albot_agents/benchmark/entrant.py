@@ -11,9 +11,11 @@ from typing import Any
 
 from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.protocol import Protocol
+from albot_agents.benchmark.sources import source_digest
 from albot_agents.registry import AgentEntry, agent_names, find_agent
 from albot_agents.trained.agent_file import AgentFile
 from albot_core.errors import InputError
+from albot_core.mappers.registry import NO_MAPPER, mapper_spec
 from albot_core.plain_data import to_plain
 
 _DIGITS = 8
@@ -48,6 +50,20 @@ class Entrant:
     def fingerprint(self) -> str | None:
         """The fingerprint of a trained agent with its settings; None for a scripted one."""
         return None if self.entry.file is None else _fingerprint(self.entry.file)
+
+    @property
+    def sources(self) -> str:
+        """Digest of the sources of its mapper, and of a scripted agent (`source_digest`)."""
+        modules, others = [], []
+        if self.mapper != NO_MAPPER:
+            spec = mapper_spec(self.mapper)
+            others = [spec.factory, spec.config]
+            modules = [name.partition(":")[0] for name in others]
+        if self.entry.file is None:
+            modules.append(self.entry.make.__module__)
+            files = (find_agent(name).file for name in self.entry.skills)
+            others += [_fingerprint(file) for file in files if file is not None]
+        return source_digest(modules, others)
 
     def cell(self, task: str, odometer: str, worlds: str) -> Cell:
         """Return a cell of its row."""

@@ -8,20 +8,23 @@ worlds' digests, so that a changed generator or another floor plan does not go u
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from albot_agents.benchmark.cell import Cell
 from albot_agents.evaluation.paired import FIGURES
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.task import own_world, short_name
 from albot_core.errors import InputError
 from albot_core.files import read_bytes
-from albot_core.plain_data import Location, read_config
+from albot_core.plain_data import Location, read_config, to_plain
 from albot_core.yaml_document import YamlDocument
 from albot_maps import load_world
 from albot_maps.generators.spec import seeded
@@ -139,6 +142,22 @@ class Protocol:
             assert scene is not None, f"{task} has no world of its own"
             return [EpisodeKey(world=scene, seed=seed) for seed in seeds]
         return [EpisodeKey(world=seeded(worlds.spec, seed), seed=seed) for seed in seeds]
+
+    def has(self, cell: Cell) -> bool:
+        """Return whether a cell is one of its table, whoever the agent is."""
+        task = self.tasks.get(cell.task)
+        return task is not None and cell.worlds in task.worlds and cell.odometer in self.odometers
+
+    def order(self, cell: Cell) -> tuple[Any, ...]:
+        """Return the place of a cell among others: by task, worlds, odometer, agent, mapper."""
+        where = [*self.tasks].index(cell.task), [*self.worlds].index(cell.worlds)
+        return (*where, self.odometers.index(cell.odometer), cell.agent, cell.mapper)
+
+    @property
+    def digest(self) -> str:
+        """A digest of all that it says."""
+        text = json.dumps(to_plain(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
     def budget(self, samples: int) -> int | None:
         """Return the budget of a plan with so many samples; None if it exceeds all."""

@@ -8,6 +8,7 @@ agent in a task without journeys run together in a batch (`together`).
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -17,8 +18,9 @@ from typing import Any
 
 from albot_agents.benchmark.cell import Cell, EpisodeResult
 from albot_agents.benchmark.entrant import Entrant, find_entrant
-from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.folder import CellResults, ResultsFolder, cell_name
 from albot_agents.benchmark.protocol import EpisodeKey
+from albot_agents.benchmark.times import Spent, add_times
 from albot_agents.engine.engine import Crash, Engine, OnStep
 from albot_agents.evaluation.paired import check_same_episodes
 from albot_agents.evaluation.plan import Trial
@@ -106,13 +108,46 @@ class BenchmarkRun:
         """The episodes that crashed, or that the same task was to run; the folder lacks them."""
         self._settings: dict[tuple[str, str, str, str], dict[str, Any]] = {}
         self._fingerprints = {row.entrant.name: row.entrant.fingerprint for row in rows}
+        self._sources = {
+            (row.entrant.name, row.entrant.mapper): row.entrant.sources for row in rows
+        }
         for kind in dict.fromkeys(kind for row in rows for kind in row.worlds):
             self._protocol.check_worlds(kind, plans)
         for task in dict.fromkeys(row.task for row in rows):
             self._check_task([row for row in rows if row.task == task])
         cells = [cell for row in rows for cell in row.cells]
         assert len(set(cells)) == len(cells), "a cell is in two rows"
-        self._done = self._read_done()
+        self.take_stock(folder.read())
+
+    def take_stock(self, results: Iterable[CellResults], source: object = None) -> None:
+        """Note what the folder has, or will have before the run.
+
+        Args:
+            results: The results.
+            source: Where they are from, for errors; None for the folder.
+
+        Raises:
+            InputError: Some are of another agent of a row's name, or of another state of its agent
+                or mapper.
+        """
+        self._done: dict[Cell, set[tuple[str, int]]]
+        self._done = {cell: set() for row in self._rows for cell in row.cells}
+        for found in results:
+            self._check_same(found, source or self._folder.file(found.cell))
+            if found.cell in self._done:
+                self._done[found.cell] = {(one.world, one.seed) for one in found.episodes}
+
+    def _check_same(self, found: CellResults, file: object) -> None:
+        """Raise InputError for results of another agent, or of another state of a row."""
+        cell, agent = found.cell, found.cell.agent
+        if found.fingerprint != self._fingerprints.get(agent, found.fingerprint):
+            expected = f"results of the same agent {agent}; remove its files to measure anew"
+            raise InputError(file, expected, "those of another of that name")
+        wanted = self._sources.get((agent, cell.mapper), found.sources)
+        if cell in self._done and found.sources != wanted:
+            expected = f"results of the installed sources of {agent} and its mapper ({wanted}); "
+            expected += "remove the file to measure anew"
+            raise InputError(file, expected, f"those of others ({found.sources})")
 
     @property
     def is_complete(self) -> bool:
@@ -143,7 +178,7 @@ class BenchmarkRun:
         engine.start()
         self._folder.begin()
         with self._folder.locked():
-            self._done = self._read_done()  # Another process may have written until now.
+            self.take_stock(self._folder.read())  # Another process may have written until now.
             self._keep_agents()
             count = 0
             with closing(engine.run(_run_group, self._groups())) as results:
@@ -154,11 +189,24 @@ class BenchmarkRun:
                             FailedTrial(trial=each, crash=done.result) for each in trials
                         ]
                         continue
-                    for cell, episode in done.result:
-                        self._folder.add(cell, self._fingerprints[cell.agent], [episode])
-                        self._done[cell].add((episode.world, episode.seed))
+                    self._keep(done.result)
                     count += len(done.result)
                     on_done(count)
+
+    def _keep(self, measured: Sequence[Measured]) -> None:
+        for one in measured:
+            cell, episode = one.cell, one.episode
+            self._folder.add(
+                CellResults(
+                    cell=cell,
+                    fingerprint=self._fingerprints[cell.agent],
+                    sources=self._sources[cell.agent, cell.mapper],
+                    episodes=[episode],
+                )
+            )
+            self._done[cell].add((episode.world, episode.seed))
+        spent = [(cell_name(one.cell), Spent(episodes=1, seconds=one.seconds)) for one in measured]
+        add_times(self._folder.path, spent)
 
     def _check_task(self, rows: Sequence[Row]) -> None:
         """Check the settings of a task's rows, and that they are of the protocol's episodes.
@@ -177,23 +225,6 @@ class BenchmarkRun:
             is_own = cell.mapper == row.entrant.entry.mapper
             trials[cell.agent if is_own else f"{cell.agent} with {cell.mapper}"] = trial
         check_same_episodes(trials)
-
-    def _read_done(self) -> dict[Cell, set[tuple[str, int]]]:
-        """Return world and seed of each episode that the folder has, by cell of the rows.
-
-        Raises:
-            InputError: A file is damaged, or any holds results of another agent of that name.
-        """
-        done: dict[Cell, set[tuple[str, int]]]
-        done = {cell: set() for row in self._rows for cell in row.cells}
-        for found in self._folder.read():
-            cell, agent = found.cell, found.cell.agent
-            if found.fingerprint != self._fingerprints.get(agent, found.fingerprint):
-                expected = f"results of the same agent {agent}; remove its files to measure anew"
-                raise InputError(self._folder.file(cell), expected, "those of another of that name")
-            if cell in done:
-                done[cell] = {(one.world, one.seed) for one in found.episodes}
-        return done
 
     def _keep_agents(self) -> None:
         for entrant in {row.entrant.name: row.entrant for row in self._rows}.values():
@@ -263,14 +294,31 @@ def _in_batches(row: Row) -> bool:
     return row.entrant.entry.file is not None and can_run_together(row.task)
 
 
-def _run_group(group: _Group, on_step: OnStep, /) -> list[tuple[Cell, EpisodeResult]]:
-    """Run the episodes of a group, in a batch or one after another; return each with its cell."""
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """An episode that was run."""
+
+    cell: Cell
+    """Its cell."""
+    episode: EpisodeResult
+    """Its result."""
+    seconds: float
+    """Processor time that it took, or its share of that of its batch (s)."""
+
+
+def _run_group(group: _Group, on_step: OnStep, /) -> list[Measured]:
+    """Run the episodes of a group, in a batch or one after another."""
     trials = [member.trial for member in group.members]
-    if group.together:
-        outcomes = run_together(trials, on_step)
-    else:
-        outcomes = [run_trial(trial, on_step) for trial in trials]
+    outcomes, seconds = [], []
+    for some in [trials] if group.together else [[trial] for trial in trials]:
+        before = time.process_time()
+        outcomes += run_together(some, on_step) if group.together else [run_trial(some[0], on_step)]
+        seconds += [(time.process_time() - before) / len(some)] * len(some)
     return [
-        (member.cell, EpisodeResult.of(outcome, member.cell.agent, member.key.world))
-        for member, outcome in zip(group.members, outcomes, strict=True)
+        Measured(
+            cell=member.cell,
+            episode=EpisodeResult.of(outcome, member.cell.agent, member.key.world),
+            seconds=spent,
+        )
+        for member, outcome, spent in zip(group.members, outcomes, seconds, strict=True)
     ]

@@ -145,13 +145,10 @@ def make_table(results: Sequence[CellResults], protocol: Protocol) -> list[Table
         InputError: Two agents began the same episode at different poses.
     """
     cells = {found.cell: found.episodes for found in results if found.episodes}
-    tasks, kinds = list(protocol.tasks), list(protocol.worlds)
 
     def place(cell: Cell) -> tuple[Any, ...]:
-        reference = protocol.tasks[cell.task].reference
-        where = tasks.index(cell.task), kinds.index(cell.worlds)
-        odometer = protocol.odometers.index(cell.odometer)
-        return (*where, odometer, cell.agent != reference, cell.agent, cell.mapper)
+        *where, agent, mapper = protocol.order(cell)
+        return (*where, agent != protocol.tasks[cell.task].reference, agent, mapper)
 
     rows = []
     for cell in sorted(cells, key=place):

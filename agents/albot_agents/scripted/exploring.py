@@ -228,6 +228,9 @@ class RandomAgent:
     _HOLD = 10
     """Steps for which an action is held; white noise would only jitter on the spot."""
 
+    def __init__(self, configs: EnvironmentConfigs) -> None:
+        """The agent looks at nothing, so that any environment suits it."""
+
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""
         self._rng = rng

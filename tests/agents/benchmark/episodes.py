@@ -20,7 +20,12 @@ def cell(agent: str = "albot1-homing", **changes: Any) -> Cell:
 
 
 def results(
-    of: Cell, count: int, spl: float = 0.5, *, fingerprint: str | None = None
+    of: Cell,
+    count: int,
+    spl: float = 0.5,
+    *,
+    fingerprint: str | None = None,
+    sources: str = "0123456789abcdef",
 ) -> CellResults:
     """The first episodes of a cell, with made-up figures."""
     keys = PROTOCOL.keys(of.task, of.worlds)[:count]
@@ -46,4 +51,4 @@ def results(
         )
         for k, key in enumerate(keys)
     ]
-    return CellResults(cell=of, fingerprint=fingerprint, episodes=episodes)
+    return CellResults(cell=of, fingerprint=fingerprint, sources=sources, episodes=episodes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 import albot_env
 from albot_agents.benchmark.cell import read_episode, single_values
-from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.folder import CellResults, ResultsFolder
 from albot_core.errors import InputError
 from albot_core.plain_data import Location
 from tests.agents.benchmark.episodes import cell, results
@@ -42,7 +43,7 @@ def test_what_is_written_is_read_back(folder: ResultsFolder) -> None:
 def test_episodes_stand_in_the_protocols_order(folder: ResultsFolder) -> None:
     before = folder.file(cell()).read_bytes()
     mixed = results(cell(), 3)
-    folder.write(type(mixed)(cell=cell(), fingerprint=None, episodes=mixed.episodes[::-1]))
+    folder.write(replace(mixed, episodes=mixed.episodes[::-1]))
     assert folder.file(cell()).read_bytes() == before
 
 
@@ -162,10 +163,30 @@ def test_a_cell_of_another_odometer_is_refused(folder: ResultsFolder) -> None:
 
 def test_an_episode_is_kept_once(folder: ResultsFolder) -> None:
     before = folder.file(cell()).read_bytes()
-    folder.add(cell(), None, results(cell(), 2, 0.9).episodes)
+    folder.add(results(cell(), 2))
     assert folder.file(cell()).read_bytes() == before
-    folder.add(cell(), None, results(cell(), 4).episodes)
+    folder.add(results(cell(), 4))
     assert len(folder.read()[0].episodes) == 4
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (results(cell(), 2, 0.9), "random:office:70000, seed 70000 that is in "),
+        (results(cell(), 2, 0.9), "info.spl 0.5, found another: 0.9"),
+        (results(cell(), 2, fingerprint="ab"), "expected the fingerprint None of albot1-homing"),
+        (results(cell(), 2, sources="ab"), "expected the sources 0123456789abcdef of albot1-hom"),
+    ],
+)
+def test_other_results_of_an_episode_are_not_added(
+    folder: ResultsFolder, other: CellResults, said: str
+) -> None:
+    before = folder.file(cell()).read_bytes()
+    with pytest.raises(InputError, match=r"^there: expected") as caught:
+        folder.add(other, "there")
+    assert said in str(caught.value)
+    assert str(folder.file(cell())) in str(caught.value)
+    assert folder.file(cell()).read_bytes() == before
 
 
 def test_what_a_killed_process_left_is_removed(folder: ResultsFolder) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from albot_agents.benchmark.cell import EpisodeResult
-from albot_agents.benchmark.folder import CellResults
 from albot_agents.benchmark.protocol import find_protocol
 from albot_agents.benchmark.table import FIGURES, compare, estimate, make_table
 from albot_core.errors import InputError
@@ -159,7 +158,7 @@ def test_the_table_is_in_the_protocols_order_and_tells_differences() -> None:
 
 
 def test_a_cell_without_episodes_is_no_row() -> None:
-    empty = CellResults(cell=cell(), fingerprint=None, episodes=[])
+    empty = results(cell(), 0)
     assert make_table([empty], PROTOCOL) == []
 
 
