@@ -186,6 +186,11 @@ class BatchSimulator:
         return self._sensors.outputs.scenes
 
     @property
+    def readings_taken(self) -> Int64[np.ndarray, "robots"]:
+        """Number of readings that each robot has taken since it was placed."""
+        return self._sensors.outputs.readings
+
+    @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
         """Poses of the robots in the world frame; headings in [-pi, pi)."""
         return self._robots.poses

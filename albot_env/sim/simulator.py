@@ -60,6 +60,7 @@ class Simulator:
         self._batch = BatchSimulator(1, robot=robot, sensors=sensors, movables=movables)
         self._started = False
         self._start = np.zeros(3)
+        self._key = 0
         self._ticks = 0
 
     @property
@@ -71,6 +72,11 @@ class Simulator:
     def start(self) -> Pose:
         """Pose of the robot at the last reset, in the world frame."""
         return self._start.copy()
+
+    @property
+    def key(self) -> int:
+        """The number that was drawn at the last reset; all noise is a function of it."""
+        return self._key
 
     @property
     def pose(self) -> Pose:
@@ -117,7 +123,8 @@ class Simulator:
         """
         pose = self.world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
         self._batch.check_start(self._world, pose)
-        self._batch.place(0, self._world, pose, draw_key(rng))
+        self._key = draw_key(rng)
+        self._batch.place(0, self._world, pose, self._key)
         self._started = True
         self._start = pose.copy()
         self._ticks = 0

@@ -34,6 +34,11 @@ LASERS = ("ideal", "lms-200", "lms-200-fine", "long", "short")
 SONARS = ("ideal", "pioneer", "poor")
 SCENES = ("ideal", "paper", "ambiguous")
 ROBOTS = ("pioneer-3dx", "kobuki", "peoplebot")
+FAULTS = (
+    "laser-dropout", "stuck-beams", "blind-sector", "frozen-scan", "saturated-sonars",
+    "odometer-jump", "frozen-odometer", "wheel-slip", "lost-readings", "doubled-readings",
+    "swapped-readings", "late-readings",
+)  # fmt: skip
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """Kinds of random worlds."""
 BENCHMARK_WORLDS = (
@@ -126,3 +131,4 @@ laser_names = complete(lambda: (*LASERS, NONE))
 sonar_names = complete(lambda: (*SONARS, NONE))
 scene_names = complete(lambda: (*SCENES, NONE))
 robot_names = complete(lambda: ROBOTS)
+fault_names = complete(lambda: FAULTS)

@@ -79,6 +79,7 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     shell_complete=completion.odometer_names,
     help=f"{completion.listed(completion.ODOMETERS)}.",
 )
+@faults_option
 @click.option(
     "--outward",
     metavar="A..B",
@@ -131,6 +132,7 @@ def command(
     config: Path | None,
     robot: str | None,
     odometer: str,
+    faults: str | None,
     outward: str | None,
     steps: int | None,
     engine: Engine,
@@ -163,7 +165,7 @@ def command(
     agents = _agents(task, agent, against)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
-    given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps}
+    given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps, "faults": faults}
     settings |= {name: value for name, value in given.items() if value is not None}
     settings |= _task_settings(task, config, outward)
     place = None if minari is None else _dataset_place(minari, force)
@@ -185,7 +187,7 @@ def command(
         found = run_trials([*trials.values()], engine, batch, dataset, recordings)
     outcomes = found.outcomes
     facts: dict[str, Any] = {"task": task, "agent": agent}
-    facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
+    facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer, "faults": faults}
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
     facts |= {"config": None if config is None else str(config), "untrained": untrained}
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint

@@ -18,6 +18,7 @@ from click.core import ParameterSource
 from albot_cli import completion
 from albot_cli.config import config_option
 from albot_cli.count_type import CountType
+from albot_cli.faults import faults_option
 from albot_cli.grid_type import Grid, GridType
 from albot_cli.mappers import mapper_config_option
 from albot_cli.outputs import (
@@ -43,8 +44,9 @@ if TYPE_CHECKING:
 
 SUFFIX = ".mcap"
 """Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
-PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
-"""Options that select the robot or a sensor by name, named like the environment's arguments."""
+PRESETS = ("robot", "laser", "odometer", "sonar", "scenes", "faults")
+"""Options that select the robot, a sensor or faults by name, named like the environment's
+arguments."""
 RUN_ONLY = (
     "world",
     "mapper",
@@ -109,6 +111,7 @@ SPEED = 10.0
     shell_complete=completion.scene_names,
     help=f"{completion.listed(completion.SCENES, 'none')}.  [default: the agent's own, or none]",
 )
+@faults_option
 @click.option(
     "--outward",
     metavar="A..B",

@@ -17,6 +17,7 @@ from albot_cli import completion
 from albot_cli.group import albot
 from albot_core.mappers.registry import MAPPERS
 from albot_core.robot import ROBOTS
+from albot_env.faults.registry import FAULTS
 from albot_env.sim.laser import LASERS
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
@@ -48,6 +49,7 @@ def _completed(line: str, last: str = "") -> list[str]:
         (completion.AGENTS, registry.agent_names()),
         (completion.ODOMETERS, ODOMETERS),
         (completion.ROBOTS, ROBOTS),
+        (completion.FAULTS, FAULTS),
         (completion.KINDS, KINDS),
         (completion.BENCHMARK_WORLDS, find_protocol().worlds),
         (completion.BENCHMARK_ODOMETERS, find_protocol().odometers),

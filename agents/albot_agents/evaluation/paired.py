@@ -200,7 +200,7 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
     words += ["--world", trial.world, "--seed", str(trial.seed)]
     if not isinstance(settings.get("robot", ""), str):
         return ""
-    for name in ("robot", "mapper", "odometer", "laser", "sonar", "scenes"):
+    for name in ("robot", "mapper", "odometer", "laser", "sonar", "scenes", "faults"):
         if name in settings:
             words += [f"--{name}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)

@@ -9,9 +9,9 @@ from typing import Literal
 from albot_core.counts import many
 from albot_env.recording.episode import Fact, Moment
 
-Kind = Literal["map", "place", "right", "wrong", "contact", "room", "end"]
+Kind = Literal["map", "place", "right", "wrong", "contact", "room", "fault", "end"]
 """What an event is: the map was updated; the mapper believes to be in another place; somebody was
-right or wrong (about a place, or about home); contact; another room; begin or end."""
+right or wrong (about a place, or about home); contact; another room; a fault; begin or end."""
 
 COUNTED: dict[str, tuple[Kind, str]] = {
     "right_claims": ("right", "claimed to know the place: right"),
@@ -63,6 +63,7 @@ class EventFinder:
             return
         if place is not None:
             yield "place", f"believes to be in {place}"
+        yield from _faults(before.facts, moment.facts)
         yield from _physical(before, moment)
         yield from _judged(before, moment)
         yield from _ends(before.facts, moment.facts)
@@ -84,6 +85,24 @@ def _change(moment: Moment) -> Iterator[tuple[Kind, str]]:
     change = moment.facts.get("change")
     if isinstance(change, str) and change not in ("", "none"):
         yield "end", f"since the way out: {change.replace('_', ' ')}"
+
+
+def _faults(before: Mapping[str, Fact], facts: Mapping[str, Fact]) -> Iterator[tuple[Kind, str]]:
+    """Return the faults that struck, and those that are over."""
+    active, ended = _names(facts.get("fault")), _names(before.get("fault"))
+    for name in active:
+        if name not in ended:
+            yield "fault", f"fault: {name.replace('-', ' ')}"
+    for name in ended:
+        if name not in active:
+            yield "fault", f"{name.replace('-', ' ')} is over"
+    if not active and _count(facts.get("faults_struck")) > _count(before.get("faults_struck")):
+        yield "fault", "a fault struck"
+
+
+def _names(fact: Fact) -> tuple[str, ...]:
+    """Return the names in a fact that joins some by `+`."""
+    return tuple(fact.split("+")) if isinstance(fact, str) and fact else ()
 
 
 def _physical(before: Moment, moment: Moment) -> Iterator[tuple[Kind, str]]:

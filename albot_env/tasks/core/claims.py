@@ -12,13 +12,12 @@ of a visit do not count.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Int64
 
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.mapper import MapperBatch
 from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.row_arrays import Arrays, copied_rows, put_rows
 from albot_maps import World
@@ -122,6 +121,21 @@ def with_room(claims: Claims, readings: int, rooms: int) -> Claims:
     return claims
 
 
+class ReadingMatcher(Protocol):
+    """What matches the present reading with earlier ones: a `MapperBatch` is one."""
+
+    @property
+    def recognises_places(self) -> bool:
+        """Whether readings can be matched."""
+
+    @property
+    def matched_readings(self) -> Int64[np.ndarray, "robots"]:
+        """Number of the matched reading of each robot, -1 for none; always the same array."""
+
+    def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Bring `matched_readings` of some rows up to date."""
+
+
 class ClaimJudge:
     """Judges the claims of a task's robots.
 
@@ -130,10 +144,10 @@ class ClaimJudge:
 
     Args:
         robots: Number of robots.
-        mappers: Their mappers; None without.
+        mappers: Their mappers, or what stands for them; None without.
     """
 
-    def __init__(self, robots: int, mappers: MapperBatch | None) -> None:
+    def __init__(self, robots: int, mappers: ReadingMatcher | None) -> None:
         self._mappers = mappers
         self._matches = mappers is not None and mappers.recognises_places
         matched = mappers.matched_readings if mappers is not None and self._matches else None

@@ -23,8 +23,14 @@ from albot_env.sim.batch_simulator import BatchSimulator, draw_key
 from albot_env.sim.physics import SUBSTEPS
 from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
+from albot_env.tasks.core.claims import ReadingMatcher
 from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.episode_state import RobotState
+from albot_env.tasks.core.faulty_readings import (
+    FaultyReadings,
+    TakenReadings,
+    faults_of_readings,
+)
 from albot_env.tasks.core.observation import ObservationConfig, revealed
 from albot_env.tasks.core.observation_builder import ObservationBuilder
 from albot_env.tasks.core.parts.beliefs import TIME_LEFT
@@ -87,6 +93,15 @@ class DrivingTask(Task):
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = mappers = equipment.mappers(robots)
+        of_readings = faults_of_readings(equipment.faults)
+        self._faults = equipment.faults
+        self._faulty: FaultyReadings | None = None
+        self._matcher: ReadingMatcher | None = mappers
+        """Matches present readings with earlier ones, for the judge of claims."""
+        if of_readings:
+            self._faulty = FaultyReadings(robots, of_readings, *sensors.geometries)
+            if mappers is not None:
+                self._matcher = TakenReadings(robots, mappers, self._faulty)
         self._threads = ThreadPool(equipment.threads)
         self.ground_laser = sensors.ground_laser.geometry
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
@@ -146,6 +161,8 @@ class DrivingTask(Task):
     def _set_out(self, row: int, world: World, start: Pose, key: int) -> None:
         """Start a robot with an empty map; `key` is the seed of all its noise."""
         self._simulator.place(row, world, start, key)
+        if self._faulty is not None:
+            self._faulty.begin(row, key)
         stats = self._stats
         stats.reachable[row] = self._builder.begin(row, world)
         if self._mappers is not None:
@@ -180,15 +197,29 @@ class DrivingTask(Task):
 
     def _observe(self, rows: Int64[np.ndarray, "some"], _: int) -> None:
         self._simulator.sense(rows)
+        state, arrived = self._state, 1
+        if self._faulty is None:
+            self._hear(rows, self.readings)
+        else:
+            taken = self._simulator.readings(self.times)
+            counts, contacts = self._simulator.readings_taken, self.collided
+            for having, readings in self._faulty.arrivals(
+                rows, taken, counts, self.path_lengths, contacts
+            ):
+                self._hear(having, readings)
+            arrived = self._faulty.arrived[rows]
+        if self._mappers is not None and self._needs_way_home:
+            self._mappers.find_ways(rows)
+        self._builder.observe(rows, state, self.observations, arrived)
+        self._compute_rewards(rows)
+
+    def _hear(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
+        """Let some robots take in the readings that have arrived."""
         state = self._state
         if self._mappers is None:
             integrate_odometry(rows, state.motions, state.beliefs, state.ways_home[:, TRAVEL])
         else:
-            self._mappers.update(rows, self.readings)
-            if self._needs_way_home:
-                self._mappers.find_ways(rows)
-        self._builder.observe(rows, state, self.observations)
-        self._compute_rewards(rows)
+            self._mappers.update(rows, readings)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Update the statistics of some robots, and compute their rewards."""
@@ -214,12 +245,27 @@ class DrivingTask(Task):
             "time": self.times,
             "updates": self.updates,
             "surfaces": self.surface_counts,
+            **self._fault_facts,
         }
+
+    @property
+    def _fault_facts(self) -> dict[str, np.ndarray]:
+        """What strikes the robots, where something can: never part of an observation."""
+        if not self._faults:
+            return {}
+        names = np.full(len(self._everyone), "", object)
+        counts = np.zeros(len(self._everyone), np.int64)
+        for row in self._everyone.tolist():
+            if self._worlds[row] is not None and self._faulty is not None:
+                names[row] = "+".join(self._faulty.active(row))
+                counts[row] = self._faulty.struck(row)
+        return {"fault": names, "faults_struck": counts}
 
     @property
     def readings(self) -> Readings:
         """The latest readings of the robots; overwritten by the next `observe`."""
-        return self._simulator.readings(self.times)
+        stamps = self.times if self._faulty is None else self._faulty.stamps
+        return self._simulator.readings(stamps)
 
     def close(self) -> None:
         """Stop the threads."""
@@ -272,10 +318,10 @@ class DrivingTask(Task):
 
     def matched_reading(self, row: int) -> int:
         """Return the earlier reading that a robot's mapper matches to its place; -1 for none."""
-        if self._mappers is None:
+        if self._matcher is None:
             return -1
-        self._mappers.match_readings(np.array([row]))
-        return int(self._mappers.matched_readings[row])
+        self._matcher.match_readings(np.array([row]))
+        return int(self._matcher.matched_readings[row])
 
     def snapshot(self, row: int) -> MapSnapshot:
         """Return a robot's map."""
@@ -353,6 +399,7 @@ class DrivingTask(Task):
                 **copied_rows("stats", self._stats, row),
                 **copied_rows("beliefs", self._state, row, _KEPT_OF_BELIEFS),
                 **self._builder.state(row),
+                **({} if self._faulty is None else self._faulty.state(row)),
                 **self._task_state(row),
                 "matched": nobody if mappers is None else np.array(mappers.matched_readings[row]),
                 **{f"way.{name}": array for name, array in kept.items()},
@@ -374,6 +421,9 @@ class DrivingTask(Task):
         assert state.simulator is not None, "a robot that drives has a body"
         self._simulator.set_state(row, world, state.simulator)
         self._worlds[row], self.world_names[row] = world, world.name
+        if self._faulty is not None:
+            key = int(state.simulator.sensors["keys"])
+            self._faulty.set_state(row, key, state.arrays)
         self._builder.begin(row, world)
         if self._mappers is not None and state.mapper is not None:
             self._mappers.restore(row, state.mapper)

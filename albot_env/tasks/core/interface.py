@@ -10,6 +10,7 @@ from jaxtyping import Float32
 from albot_core.errors import InputError
 from albot_core.plain_data import to_plain
 from albot_core.robot import DEFAULT_ROBOT
+from albot_core.sensing.faults.registry import spec_of
 from albot_env.tasks.core.observation import Parts
 from albot_env.tasks.core.precompile import precompile
 from albot_env.tasks.core.settings import chosen_config, config_class, equip
@@ -30,8 +31,8 @@ class TaskInterface(Generic[Robots]):
         task: The task's class.
         robots: Number of robots.
         threads: Threads that share the work; None for one per processor.
-        mapper, odometer, laser, sonar, scenes, observation, action, movables, reveal, robot: See
-            `CommonSettings`.
+        mapper, odometer, laser, sonar, scenes, observation, action, movables, reveal, faults,
+            robot: See `CommonSettings`.
         of_task: The task's own settings, which are the keywords of its class.
 
     Raises:
@@ -54,6 +55,7 @@ class TaskInterface(Generic[Robots]):
         action: str = "continuous",
         movables: bool = True,
         reveal: bool = False,
+        faults: Any = None,
         robot: Any = DEFAULT_ROBOT,
         **of_task: Any,
     ) -> None:
@@ -74,6 +76,7 @@ class TaskInterface(Generic[Robots]):
             scenes=scenes,
             movables=movables,
             reveal=reveal,
+            faults=faults,
             robot=robot,
             threads=threads,
             environment=task.environment,
@@ -92,6 +95,8 @@ class TaskInterface(Generic[Robots]):
         self._identity = {"mapper": mapper, "mapper_config": equipment.mapper_config, **names}
         own = {"movables": movables, "reveal": reveal, "robot": equipment.robot, "journeys": 0}
         self._identity |= own | of_task
+        if equipment.faults:  # States of old episodes, without any, stay valid.
+            self._identity["faults"] = spec_of(equipment.faults)
         make: Any = task  # A task is made of robots, equipment and its own settings.
         self.robots: Robots = make(robots, equipment, **of_task)
         """The robots."""

@@ -164,15 +164,19 @@ class MapReader:
             self.arrays = arrays._replace(free=with_coverage(arrays.free, row, side, (0.0, 0.0)))
 
     def update(
-        self, rows: Int64[np.ndarray, "some"], beliefs: Float64[np.ndarray, "robots 3"]
+        self,
+        rows: Int64[np.ndarray, "some"],
+        beliefs: Float64[np.ndarray, "robots 3"],
+        arrived: int | Int64[np.ndarray, "some"] = 1,
     ) -> None:
         """Read the maps of some robots that have changed, after the mappers' update.
 
         Args:
             rows: The robots.
             beliefs: Believed poses of all robots (map frames).
+            arrived: Number of readings that have arrived at each of them.
         """
-        self.arrays.readings[rows] += 1
+        self.arrays.readings[rows] += arrived
         if not self._has_trajectory:
             self._leave_trail(rows, beliefs)
         if self._mappers is None:

@@ -250,10 +250,18 @@ class ObservationBuilder:
         rows: Int64[np.ndarray, "some"],
         state: BatchState,
         observations: Float32[np.ndarray, "robots length"],
+        arrived: int | Int64[np.ndarray, "some"] = 1,
     ) -> None:
-        """Track the coverage and rooms of some robots, and fill their rows of `observations`."""
+        """Track the coverage and rooms of some robots, and fill their rows of `observations`.
+
+        Args:
+            rows: The robots.
+            state: Poses, beliefs and readings of all robots.
+            observations: The observations of all robots.
+            arrived: Number of readings that have arrived at each of `rows`.
+        """
         if self._has_map:
-            self._maps.update(rows, state.beliefs)
+            self._maps.update(rows, state.beliefs, arrived)
         if self._true_maps is not None:
             self._truth.update(rows, state.poses)
         maps = self._maps.arrays, self._truth.arrays

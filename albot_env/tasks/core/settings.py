@@ -26,6 +26,8 @@ from albot_core.mappers.registry import (
 from albot_core.mappers.registry import mapper_config as full_config
 from albot_core.plain_data import Location, read_config, to_plain
 from albot_core.robot import PIONEER_3DX, RobotConfig, choose_robot
+from albot_core.sensing.faults.fault import Fault
+from albot_env.faults.registry import choose_faults
 from albot_env.sim import Sensors, choose_sensors
 from albot_env.sim.thread_pool import check_threads
 from albot_maps import World, WorldSet
@@ -98,6 +100,9 @@ class CommonSettings(TypedDict, total=False):
     reveal: bool
     """Whether the truth is observed, too (default: false): the parts `true_home` and `true_patch`.
     The revealed twin of an environment has an id of its own, such as `Albot/HomingRevealed-v0`."""
+    faults: Any
+    """What goes wrong, and when: specs of faults (`laser-dropout:at=20m`, see docs/faults.md), as
+    text, joined by `+`, or in a list; nothing by default."""
     robot: Any
     """The robot's body and drive: a name (`pioneer-3dx`; `albot_env.sim.ROBOTS`), a `RobotConfig`,
     or a mapping of its fields that differ from the default. Worlds are made and checked for it."""
@@ -210,6 +215,8 @@ class Equipment:
     """Whether doors, boxes and people are simulated in worlds that have them."""
     reveal: bool = False
     """Whether the truth is observed, too."""
+    faults: tuple[Fault, ...] = ()
+    """What goes wrong in an episode."""
     threads: int | None = 1
     """Threads that share the work; None for one per processor. The results do not depend on
     the number."""
@@ -250,6 +257,7 @@ def equip(
     scenes: str,
     movables: bool,
     reveal: bool,
+    faults: Any,
     robot: Any,
     threads: int | None,
     environment: str,
@@ -257,9 +265,9 @@ def equip(
     """Return the equipment with these names.
 
     Raises:
-        InputError: A robot, a sensor or the mapper is unknown, the mapper's config is invalid, it
-            needs a sensor that the robot lacks, `movables` is neither true nor false, or `threads`
-            is no number of threads.
+        InputError: A robot, a sensor, a fault or the mapper is unknown, the mapper's config is
+            invalid, it or a fault needs a sensor that the robot lacks, `movables` is neither true
+            nor false, or `threads` is no number of threads.
     """
     check_threads(threads)
     if not isinstance(movables, bool | np.bool_):
@@ -293,6 +301,7 @@ def equip(
         sensors=sensors,
         movables=movables,
         reveal=bool(reveal),
+        faults=choose_faults(faults, sensors, environment),
         threads=threads,
     )
 

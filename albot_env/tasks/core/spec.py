@@ -12,6 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from albot_core.errors import InputError
 from albot_core.plain_data import to_plain
+from albot_env.faults.registry import faults_text
 from albot_maps import World, WorldSet
 
 
@@ -51,7 +52,7 @@ def _plain(name: str, value: Any, environment: str) -> Any:
     if _holds_world(value):
         expected = "a world spec, such as the path of a world file, for the JSON of the environment"
         raise InputError(environment, expected, f"a {_class_of(value)}", place=name)
-    plain = to_plain(value)
+    plain = faults_text(value) if name == "faults" and value is not None else to_plain(value)
     try:
         json.dumps(plain)
     except (TypeError, ValueError) as error:

@@ -61,7 +61,7 @@ class ExploreTask(DrivingTask):
         super().__init__(robots, equipment, actions=actions, observations=config.observations)
         self._arguments = ArgumentsCache(self._reward_arguments)
         self._weights = config.weights.values
-        self._judge = ClaimJudge(robots, self._mappers)
+        self._judge = ClaimJudge(robots, self._matcher)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Start a new episode with an empty map for a robot; call `observe` first."""

@@ -112,7 +112,7 @@ class ExploreAndHomeTask(DrivingTask):
         self._config = config
         self._distance_fields = DistanceFieldCache()
         self._arguments = ArgumentsCache(self._reward_arguments)
-        self._judge = ClaimJudge(robots, self._mappers)
+        self._judge = ClaimJudge(robots, self._matcher)
         self._fields = empty_fields(robots)
         self._field_copies = FieldCopies(robots)
         self._trips = new_explore_and_home_stats(robots)

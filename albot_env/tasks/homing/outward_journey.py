@@ -170,7 +170,9 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         # The state at the end holds what was covered and the trail, and no other part of an
         # observation.
         seen = observations.coverage, observations.map_patch.trail
-        super().__init__(environment, (replace(equipment, threads=1), *seen, guide.kind), count)
+        # Nothing goes wrong before an episode begins.
+        equipment = replace(equipment, threads=1, faults=())
+        super().__init__(environment, (equipment, *seen, guide.kind), count)
         self._guide = guide
         # It always observes coverage and leaves a trail, so that robots that do can use its
         # journeys, too. The smallest patch that leaves one is drawn without the mapper's map.
@@ -179,7 +181,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         patch = replace(observations.map_patch, sides=(1.0,), cells=2, channels=("home",))
         self._follower = _Follower(
             1,
-            replace(equipment, threads=1),
+            equipment,
             actions=ActionConfig(),
             observations=replace(observations, parts=tuple(parts), map_patch=patch),
         )
@@ -218,7 +220,7 @@ class _Follower(DrivingTask):
 
     def __init__(self, robots: int, equipment: Equipment, **configs: Any) -> None:
         super().__init__(robots, equipment, **configs)
-        self.judge = ClaimJudge(robots, self._mappers)
+        self.judge = ClaimJudge(robots, self._matcher)
         """What it has visited; it claims nothing."""
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:

@@ -108,7 +108,7 @@ class WayHomeTask(DrivingTask):
         super().__init__(robots, equipment, actions=actions, observations=config.observations)
         self._config = config
         self._arguments = ArgumentsCache(self._reward_arguments)
-        self._judge = ClaimJudge(robots, self._mappers)
+        self._judge = ClaimJudge(robots, self._matcher)
         self.journeys = self._outward_journeys = OutwardJourneys(
             self.environment, equipment, config.observations, guide, journeys
         )

@@ -129,7 +129,7 @@ class PlaceDatabase:
         Returns:
             The features of each earlier arrival, in order, as numbers from -1 to 1.
         """
-        points: list[Points] = []
+        points: list[Points] = [np.empty((0, 2))]
         seen: Segments = np.empty((0, 4))
         for reading in readings:
             self.follow(reading)
@@ -143,7 +143,7 @@ class PlaceDatabase:
             way=self._way,
             panorama=Panorama.of(np.concatenate(points)),
             surfaces=longest_lines(seen, LARGEST),
-            reading=self._readings - 1,
+            reading=self._readings - 1,  # The last that arrived.
         )
         compared = [
             self._compare(arrival, other, len(self.arrivals) - k)

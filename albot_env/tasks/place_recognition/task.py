@@ -84,6 +84,7 @@ class PlaceRecognitionTask(Task):
         self._tours = Tours(self.environment, equipment, config.tour, journeys)
         most = config.tour.most
         self._sensors = sensors = equipment.sensors
+        self._has_faults = bool(equipment.faults)
         sonar = sensors.sonar
         beams = sensors.ground_laser.geometry.beams
         sonars = 0 if sonar is None else len(sonar.geometry.bearings)
@@ -265,6 +266,16 @@ class PlaceRecognitionTask(Task):
             **dict(zip(self.terms_of_reward, answers.tallies.T, strict=True)),
             "precision": answers.precision,
             "recall": answers.recall,
+            **(self._fault_facts if self._has_faults else {}),
+        }
+
+    @property
+    def _fault_facts(self) -> dict[str, np.ndarray]:
+        """What has struck the robots since their last arrivals."""
+        stops = [self._at(row) if tour else None for row, tour in enumerate(self._current_tours)]
+        return {
+            "fault": np.array(["" if stop is None else stop.fault for stop in stops], object),
+            "faults_struck": np.array([0 if stop is None else stop.struck for stop in stops]),
         }
 
     def snapshot(self, row: int) -> MapSnapshot:

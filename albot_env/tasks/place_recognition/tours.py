@@ -21,8 +21,12 @@ from albot_core.geometry.types import Pose
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import FROM_TWO, SHARE, check_fields
+from albot_core.sensing.faults.effect import ReadingFault
+from albot_core.sensing.faults.fault import Clock
+from albot_core.sensing.faults.injector import FaultInjector
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, follow_leg
+from albot_env.tasks.core.faulty_readings import FAULT_STREAM, faults_of_readings
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.place_recognition.arrivals import PlaceDatabase
@@ -62,6 +66,10 @@ class TourStop:
     """True path length (m)."""
     collided: bool
     """Whether the robot touched something since the previous arrival."""
+    fault: str = ""
+    """Names of the faults that struck since the previous arrival, joined by `+`."""
+    struck: int = 0
+    """Number of strikes that have begun since the tour began."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +123,7 @@ class Tours(Journeys[Tour]):
         count: Number of different tours per start; 0 for a new one each time.
 
     Raises:
-        InputError: `count` is negative, or the robot has no laser.
+        InputError: `count` is negative, the robot has no laser, or a fault is none of readings.
     """
 
     def __init__(
@@ -124,6 +132,10 @@ class Tours(Journeys[Tour]):
         if equipment.sensors.laser is None:
             expected = "a laser, by whose panoramas earlier stops are compared"
             raise InputError(environment, expected, "none", place="laser")
+        for fault in equipment.faults:
+            if not isinstance(fault, ReadingFault):
+                expected = "faults of readings: a guide leads the robot, and nothing moves"
+                raise InputError(environment, expected, fault.name, place="faults")
         super().__init__(environment, (replace(equipment, threads=1), config), count)
         self._equipment = equipment
         self._config = config
@@ -172,9 +184,22 @@ class _Guide:
             world, robot=equipment.robot, sensors=equipment.sensors, movables=False
         )
         self._places = PlaceDatabase(equipment.single_mapper(rng.spawn(1)[0]))
-        self._places.follow(self._simulator.reset(rng, start))
-        self._path_length = 0.0
-        self._collided = False
+        first = self._simulator.reset(rng, start)
+        self._path_length, self._collided = 0.0, False
+        faults, geometries = faults_of_readings(equipment.faults), equipment.sensors.geometries
+        seed = self._simulator.key, FAULT_STREAM
+        self._injector = FaultInjector(faults, seed, *geometries)
+        self._faults: dict[str, None] = {}
+        for reading in self._arrived(first):
+            self._places.follow(reading)
+
+    def _arrived(self, reading: Reading) -> list[Reading]:
+        """Return the readings that arrive when one was taken."""
+        simulator = self._simulator
+        clock = Clock(simulator.time, self._path_length)
+        arrived = self._injector.feed(reading, clock, contact=simulator.collided)
+        self._faults |= dict.fromkeys(self._injector.active)
+        return arrived
 
     def go(self, goal: Float64[np.ndarray, "2"]) -> bool:
         """Lead the robot to a point (m, world frame); return whether there is a path."""
@@ -185,8 +210,9 @@ class _Guide:
             way = DistanceField(walls, radius, goal, tight=True).path(simulator.pose[:2])
         for turn in way:
             before = simulator.pose[:2]
-            for reading in follow_leg(simulator, turn, THESIS_STEPS):
-                self._places.follow(reading)
+            for taken in follow_leg(simulator, turn, THESIS_STEPS):
+                for reading in self._arrived(taken):
+                    self._places.follow(reading)
                 self._collided |= simulator.collided
             self._path_length += float(np.hypot(*(simulator.pose[:2] - before)))
         return len(way) > 0
@@ -194,13 +220,15 @@ class _Guide:
     def arrive(self) -> TourStop:
         """Let the robot look around; return the stop."""
         simulator = self._simulator
-        readings = [simulator.turn(2 * math.pi / AROUND) for _ in range(AROUND)]
+        taken = [simulator.turn(2 * math.pi / AROUND) for _ in range(AROUND)]
+        readings = [reading for each in taken for reading in self._arrived(each)]
         candidates = self._places.arrive(readings)
         pose = simulator.pose
         collided, self._collided = self._collided, False
+        fault, self._faults = "+".join(self._faults), {}
         return TourStop(
             candidates=candidates,
-            reading=readings[-1],
+            reading=readings[-1] if readings else taken[-1],
             belief=self._places.belief,
             snapshot=self._places.snapshot,
             activity=self._places.activity,
@@ -208,6 +236,8 @@ class _Guide:
             room=_room_at(self._world, pose),
             path_length=self._path_length,
             collided=collided,
+            fault=fault,
+            struck=self._injector.struck,
         )
 
 

@@ -2,9 +2,9 @@
 // The line of time with marks for events, and the list of events.
 
 const STYLES = { map: "faint", place: "place", right: "home", wrong: "believed",
-  contact: "doorway", room: "path", end: "text" };
+  contact: "doorway", room: "path", fault: "wrong", end: "text" };
 const NAMES = { map: "map updates", place: "places", right: "right", wrong: "wrong",
-  contact: "contact", room: "rooms", end: "other" };
+  contact: "contact", room: "rooms", fault: "faults", end: "other" };
 
 /** Largest number of events in the list. */
 const MOST_LISTED = 2000;

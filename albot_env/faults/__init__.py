@@ -1,0 +1,1 @@
+"""Faults in environments: of readings (`albot_core.sensing.faults`), and of the world."""
