@@ -54,16 +54,7 @@ class Entrant:
     @property
     def sources(self) -> str:
         """Digest of the sources of its mapper, and of a scripted agent (`source_digest`)."""
-        modules, others = [], []
-        if self.mapper != NO_MAPPER:
-            spec = mapper_spec(self.mapper)
-            others = [spec.factory, spec.config]
-            modules = [name.partition(":")[0] for name in others]
-        if self.entry.file is None:
-            modules.append(self.entry.make.__module__)
-            files = (find_agent(name).file for name in self.entry.skills)
-            others += [_fingerprint(file) for file in files if file is not None]
-        return source_digest(modules, others)
+        return _sources(self.entry, self.mapper)
 
     def cell(self, task: str, odometer: str, worlds: str) -> Cell:
         """Return a cell of its row."""
@@ -99,3 +90,36 @@ def find_entrant(name: str) -> Entrant:
             raise InputError("agent", "a file whose name begins with no dot", name)
         label = f"{Path(name).stem}-{_fingerprint(entry.file)[:_DIGITS]}"
     return Entrant(name=label, source=name, entry=entry, mapper=entry.mapper)
+
+
+def installed_sources(cell: Cell, fingerprint: str | None) -> str | None:
+    """Return the digest of the installed sources of a cell's agent and mapper.
+
+    Args:
+        cell: The cell.
+        fingerprint: The fingerprint of its agent; None if that is a scripted one.
+
+    Returns:
+        The digest; None if agent or mapper are not installed.
+    """
+    entry = find_agent(cell.agent) if cell.agent in agent_names() else None
+    if entry is None and fingerprint is None:
+        return None
+    try:
+        return _sources(entry, cell.mapper)
+    except InputError:  # There is no such mapper.
+        return None
+
+
+def _sources(entry: AgentEntry | None, mapper: str) -> str:
+    """Return the digest of the sources of a mapper, and of an agent if it is a scripted one."""
+    modules, others = [], []
+    if mapper != NO_MAPPER:
+        spec = mapper_spec(mapper)
+        others = [spec.factory, spec.config]
+        modules = [name.partition(":")[0] for name in others]
+    if entry is not None and entry.file is None:
+        modules.append(entry.make.__module__)
+        files = (find_agent(name).file for name in entry.skills)
+        others += [_fingerprint(file) for file in files if file is not None]
+    return source_digest(modules, others)

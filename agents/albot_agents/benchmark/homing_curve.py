@@ -62,6 +62,8 @@ class HomingCurve:
     """Number of episodes that failed."""
     lost: int
     """Number of those at whose end home was believed farther off than counts as home."""
+    keys: int
+    """Number of different episodes of the protocol among them: mappers meet the same ones."""
 
 
 def fit_curve(results: Iterable[CellResults], driver: str) -> HomingCurve | None:
@@ -85,7 +87,8 @@ def fit_curve(results: Iterable[CellResults], driver: str) -> HomingCurve | None
     except InputError:  # Fewer than two errors.
         return None
     rng = np.random.default_rng(_SEED)
-    fits = bootstrap_logistic(x, success, [(one.world, one.seed) for one in episodes], rng)
+    keys = [(one.world, one.seed) for one in episodes]
+    fits = bootstrap_logistic(x, success, keys, rng)
     radius = home_radius()
     return HomingCurve(
         errors=errors,
@@ -95,6 +98,7 @@ def fit_curve(results: Iterable[CellResults], driver: str) -> HomingCurve | None
         bins=list(_bins(errors, success)),
         failures=int((~success).sum()),
         lost=sum(_is_lost(one, radius) for one in episodes),
+        keys=len(set(keys)),
     )
 
 

@@ -1,4 +1,4 @@
-"""The page's section about mappers: three sentences, the picture, and a table an odometer."""
+"""The page's section about mappers: a table an odometer; and two of the page's sentences."""
 
 from __future__ import annotations
 
@@ -79,25 +79,29 @@ class MapperReport:
 
 
 def sentences(report: MapperReport) -> list[str]:
-    """Return what the first driver's figures show, a sentence each, as far as they are known.
+    """Return what the first driver's figures show, two sentences, as far as they are known.
 
-    Rows with fewer than `FEWEST` episodes are not spoken of.
+    Neither is made of fewer than `FEWEST` episodes, each another one of the protocol: the first of
+    no row with fewer, the second of no curve over fewer.
     """
     if not report.rows:
         return []
     driver, curve = report.drivers[0], report.curves.get(report.drivers[0])
     rows = [row for row in report.rows if row.driver == driver and row.episodes >= FEWEST]
-    if not rows:
-        return []
-    found = [] if curve is None or not curve.levels else [_need(driver, curve)]
-    found += _reached(rows, report.costs)
-    if curve is not None and curve.failures:
-        radius = home_radius()
-        text = f"Of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with "
-        text += f"home believed more than {radius:g} m off: there the map failed"
-        others = ", in the others the driving" if curve.lost < curve.failures else ""
-        found.append(f"{text}{others}.")
+    found = list(_reached(rows, report.costs)) if rows else []
+    if curve is not None and curve.keys >= FEWEST:
+        said = [*([_need(driver, curve)] if curve.levels else []), *_failed(curve)]
+        text = "; ".join(said)
+        found += [f"{text[0].upper()}{text[1:]}."] if said else []
     return found
+
+
+def _failed(curve: HomingCurve) -> Iterator[str]:
+    """Yield how many of the failures were the map's."""
+    if curve.failures:
+        text = f"of the {curve.failures} failures, {curve.lost / curve.failures:.0%} ended with "
+        text += f"home believed more than {home_radius():g} m off: there the map failed"
+        yield f"{text}, in the others the driving" if curve.lost < curve.failures else text
 
 
 def _need(driver: str, curve: HomingCurve) -> str:
@@ -108,7 +112,7 @@ def _need(driver: str, curve: HomingCurve) -> str:
     )
     text = f"When home is believed {first} off as the return begins, `{driver}` comes home in "
     text += f"{level} of the episodes"
-    return "".join([text, *(f", and in {some} when it is {off} off" for some, off in others), "."])
+    return "".join([text, *(f", and in {some} when it is {off} off" for some, off in others)])
 
 
 def _reached(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[str]:
@@ -121,7 +125,8 @@ def _reached(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[
     if not rates:
         return
     good = sorted((name for name in rates if rates[name] >= _ENOUGH), key=lambda name: -rates[name])
-    text = f"With the odometer `{odometer}`, {len(good)} of {len(rates)} mappers bring it home in "
+    text = f"With the odometer `{odometer}`, {len(good)} of {len(rates)} mappers bring "
+    text += f"`{rows[0].driver}` home in "
     text += f"{_ENOUGH:.0%} or more"
     if good:
         text += f" ({', '.join(f'`{name}`' for name in good)}"
@@ -137,27 +142,21 @@ def _reached(rows: Sequence[MapperRow], costs: Mapping[str, float]) -> Iterator[
     yield text + ("." if without is None else f"; without a mapper it is {without:.0%}.")
 
 
+def cost_text(costs: Mapping[str, float], mapper: str) -> str:
+    """Return the cost of a mapper in words; a dash if it is not known."""
+    return _times(costs[mapper]) if mapper in costs else "–"
+
+
 def _times(cost: float) -> str:
     """Return a cost in words: with one decimal below 10."""
     return f"{cost:.1f}" if cost < 9.95 else f"{cost:,.0f}"
 
 
-def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator[str]:
-    """Yield the lines of the section; none without rows.
-
-    Args:
-        report: The figures.
-        picture: Path of the picture, relative to the page.
-    """
+def mapper_section(report: MapperReport) -> Iterator[str]:
+    """Yield the lines of the section; none without rows."""
     if not report.rows:
         return
     yield "## Mappers"
-    if said := sentences(report):
-        yield ""
-        yield from said
-    if picture is not None and report.drivers[0] in report.curves:
-        yield ""
-        yield f"![success in coming home against what the map was like]({picture})"
     yield from paragraph(_EXPLANATION)
     for driver in report.drivers:
         rows = [row for row in report.rows if row.driver == driver]
@@ -171,7 +170,6 @@ def mapper_section(report: MapperReport, picture: str | None = None) -> Iterator
 def mapper_data(report: MapperReport) -> dict[str, Any]:
     """Return what the section shows as plain data, for programs."""
     return {
-        "sentences": sentences(report),
         "rows": [asdict(row) for row in report.rows],
         "costs": dict(report.costs),
         "curves": {
@@ -195,7 +193,7 @@ def _table(report: MapperReport, rows: Sequence[MapperRow]) -> Iterator[str]:
     titles = [_COLUMNS[name][0] for name in names]
     if priced := any(row.mapper in costs for row in rows):
         titles.append("cost a reading (× `odometry`)")
-    yield f"| mapper | {' | '.join(titles)} | episodes |"
+    yield f"| mapper | {' | '.join(titles)} | episodes: home · claims · places |"
     yield "|---" * (len(titles) + 2) + "|"
     for row in rows:
         # One episode is not resampled; rates have Wilson's interval.
@@ -208,6 +206,7 @@ def _table(report: MapperReport, rows: Sequence[MapperRow]) -> Iterator[str]:
             for name in names
         ]
         if priced:
-            cells.append(_times(costs[row.mapper]) if row.mapper in costs else "–")
-        number = f"{row.episodes}" if row.episodes >= report.asked else f"**{row.episodes}**"
-        yield f"| `{row.mapper}` | {' | '.join(cells)} | {number} |"
+            cells.append(cost_text(costs, row.mapper))
+        counts = (row.episodes, row.claims, row.places)
+        numbers = [f"{count}" if count >= report.asked else f"**{count}**" for count in counts]
+        yield f"| `{row.mapper}` | {' | '.join(cells)} | {' · '.join(numbers)} |"

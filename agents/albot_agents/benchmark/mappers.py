@@ -49,6 +49,10 @@ class MapperRow:
     """Preset of the odometer's noise."""
     episodes: int
     """Number of episodes of coming home."""
+    claims: int
+    """Number of episodes of exploring."""
+    places: int
+    """Number of episodes of place recognition."""
     figures: Mapping[str, Estimate]
     """The figures that are known:
 
@@ -152,31 +156,74 @@ def has_own_mapper(cell: Cell, agents: Mapping[str, Mapping[str, Any]]) -> bool:
 def make_mapper_table(results: Iterable[CellResults], protocol: Protocol) -> list[MapperRow]:
     """Return the figures of all mappers: drivers, odometers and mappers in a fixed order.
 
-    A driver is an agent that came home with two mappers or more.
+    A driver is an agent that came home with two mappers or more; its rows are of these. The first
+    driver, `map-homing`, is there too if mappers were compared in exploring or places alone, and
+    its rows are of all that were in any of the tasks.
     """
     cells = {found.cell: found.episodes for found in results if found.episodes}
-    homing = [cell for cell in cells if cell.task == BY_MAP and cell.worlds == WORLDS]
-    own = AGENTS[BY_MAP]
-    drivers = sorted({cell.agent for cell in homing}, key=lambda name: (name != own, name))
+    of_driver: dict[str, list[Cell]] = {}
+    for cell in cells:
+        driver = AGENTS[BY_MAP] if AGENTS.get(cell.task) == cell.agent else cell.agent
+        if cell.worlds == WORLDS and (cell.task == BY_MAP or driver != cell.agent):
+            of_driver.setdefault(driver, []).append(cell)
     order = [NO_MAPPER, *mapper_names()]
     rows = []
-    for driver in drivers:
-        its = [cell for cell in homing if cell.agent == driver]
-        if len({cell.mapper for cell in its}) < 2:
-            continue
+    for driver in sorted(of_driver, key=lambda name: (name != AGENTS[BY_MAP], name)):
+        compared = [some for some in _by_task(of_driver[driver]) if len(some) > 1]
+        mappers = dict.fromkeys(mapper for some in compared for mapper in some)
         for odometer in protocol.odometers:
-            found: Iterable[Cell] = (cell for cell in its if cell.odometer == odometer)
-            found = sorted(found, key=lambda cell: _place(order, cell.mapper))
-            rows += [_row(cell, cells) for cell in found]
+            measured = {cell.mapper for cell in of_driver[driver] if cell.odometer == odometer}
+            rows += [
+                _row(driver, mapper, odometer, cells)
+                for mapper in sorted(mappers, key=lambda name: _place(order, name))
+                if mapper in measured
+            ]
     return rows
+
+
+def _by_task(cells: Iterable[Cell]) -> list[list[str]]:
+    """Return the mappers of cells, task by task."""
+    found: dict[str, dict[str, None]] = {}
+    for cell in cells:
+        found.setdefault(cell.task, {})[cell.mapper] = None
+    return [[*mappers] for mappers in found.values()]
 
 
 def _place(order: Sequence[str], mapper: str) -> tuple[int, str]:
     return order.index(mapper) if mapper in order else len(order), mapper
 
 
-def _row(cell: Cell, cells: Mapping[Cell, Sequence[EpisodeResult]]) -> MapperRow:
-    episodes, found = cells[cell], estimate(cells[cell])
+def _row(
+    driver: str, mapper: str, odometer: str, cells: Mapping[Cell, Sequence[EpisodeResult]]
+) -> MapperRow:
+    def measured(task: str, agent: str) -> Sequence[EpisodeResult]:
+        cell = Cell(task=task, agent=agent, mapper=mapper, odometer=odometer, worlds=WORLDS)
+        return cells.get(cell, ())
+
+    homing = measured(BY_MAP, driver)
+    claims, places = (measured(task, AGENTS[task]) for task in (EXPLORE, PLACES))
+    figures = _homing_figures(homing) if homing else {}
+    for name, episodes in (("claims", claims), ("places", places)):
+        known = estimate(episodes) if episodes else {}
+        figures |= {
+            f"{name}_{figure}": known[figure]
+            for figure in ("precision", "recall")
+            if figure in known
+        }
+    _add(figures, "blur", [_blur(one) for one in claims], np.mean)
+    return MapperRow(
+        driver=driver,
+        mapper=mapper,
+        odometer=odometer,
+        episodes=len(homing),
+        claims=len(claims),
+        places=len(places),
+        figures=figures,
+    )
+
+
+def _homing_figures(episodes: Sequence[EpisodeResult]) -> dict[str, Estimate]:
+    found = estimate(episodes)
     figures = {name: each for name, each in found.items() if name in ("success_rate", "spl")}
     carried = [one for one in episodes if is_carried(one)]
     others = [one for one in episodes if not is_carried(one)]
@@ -187,30 +234,7 @@ def _row(cell: Cell, cells: Mapping[Cell, Sequence[EpisodeResult]]) -> MapperRow
             figures[name] = Estimate(value=home / len(some), ci95=interval)
     for name in ("home_error_begin", "home_error"):
         _add(figures, name, [one.info.get(name) for one in others], np.median)
-    for task, name in ((EXPLORE, "claims"), (PLACES, "places")):
-        same = Cell(
-            task=task,
-            agent=AGENTS[task],
-            mapper=cell.mapper,
-            odometer=cell.odometer,
-            worlds=cell.worlds,
-        )
-        measured = cells.get(same, ())
-        known = estimate(measured) if measured else {}
-        figures |= {
-            f"{name}_{figure}": known[figure]
-            for figure in ("precision", "recall")
-            if figure in known
-        }
-        if task == EXPLORE:
-            _add(figures, "blur", [_blur(one) for one in measured], np.mean)
-    return MapperRow(
-        driver=cell.agent,
-        mapper=cell.mapper,
-        odometer=cell.odometer,
-        episodes=len(episodes),
-        figures=figures,
-    )
+    return figures
 
 
 def _blur(episode: EpisodeResult) -> float | None:

@@ -6,9 +6,10 @@ import textwrap
 from collections.abc import Iterator
 
 from albot_agents.benchmark.table import Estimate
+from albot_core.mappers.registry import NO_MAPPER
 
 FEWEST = 20
-"""Fewest episodes of a cell from which a sentence is made of its figures."""
+"""Fewest episodes from which a sentence is made, each another one of the protocol."""
 _WIDTH = 100
 """Most characters of a line of text."""
 
@@ -18,6 +19,11 @@ def paragraph(text: str) -> Iterator[str]:
     if text:
         yield ""
         yield from textwrap.wrap(text, _WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def agent_text(agent: str, mapper: str) -> str:
+    """Return an agent's name with its mapper."""
+    return f"`{agent}`" if mapper == NO_MAPPER else f"`{agent}` ({mapper})"
 
 
 def written(estimate: Estimate | None, form: str, *, interval: bool = True) -> str:

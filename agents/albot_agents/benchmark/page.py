@@ -5,19 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import albot_env
 from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.costs import read_costs
-from albot_agents.benchmark.folder import ResultsFolder
-from albot_agents.benchmark.mapper_page import MapperReport, mapper_data, mapper_section
+from albot_agents.benchmark.entrant import installed_sources
+from albot_agents.benchmark.folder import CellResults, ResultsFolder
+from albot_agents.benchmark.mapper_page import MapperReport, mapper_data, mapper_section, sentences
+from albot_agents.benchmark.mappers import AGENTS as MAPPER_AGENTS
 from albot_agents.benchmark.mappers import WORLDS, has_own_mapper
-from albot_agents.benchmark.markdown import FEWEST, paragraph, written
+from albot_agents.benchmark.markdown import FEWEST, agent_text, paragraph, written
+from albot_agents.benchmark.overview import (
+    Column,
+    agents_lines,
+    agents_sentence,
+    figures_text,
+    make_overview,
+    mappers_lines,
+    overview_data,
+)
 from albot_agents.benchmark.protocol import Protocol
-from albot_agents.benchmark.table import FIGURES, Estimate, TableRow, make_table
+from albot_agents.benchmark.table import (
+    FIGURES,
+    SHORT,
+    Estimate,
+    TableRow,
+    has_interval,
+    make_table,
+)
 from albot_agents.evaluation import paired
-from albot_agents.registry import AGENTS, BY_MAP, agent_names
+from albot_agents.registry import BY_MAP, EXPLORE, PLACES, agent_names
 from albot_agents.task import is_probe, short_name
 
 
@@ -31,10 +50,14 @@ class Report:
     """The figures of all cells, in order."""
     agents: Mapping[str, Mapping[str, Any]]
     """Facts of the trained agents, by name (`ResultsFolder.read_agents`)."""
+    columns: Sequence[Column] = ()
+    """The agents over all kinds of worlds, task by task."""
     mappers: MapperReport = field(default_factory=MapperReport)
     """The comparison of mappers."""
     picture: str | None = None
     """Path of its picture, relative to the page; None without one."""
+    outdated: int = 0
+    """Number of cells of another state of the agent or mapper than the installed one."""
     beside: Path | None = None
     """Folder of the page: what lies there is linked, the rest named; None for names alone."""
 
@@ -45,14 +68,39 @@ class Report:
         Raises:
             InputError: A file is damaged, or two agents began the same episode at different poses.
         """
-        results, protocol = folder.read(), folder.protocol
-        agents = folder.read_agents()
+        costs, agents = read_costs(folder.path), folder.read_agents()
+        return cls.of_results(folder.read(), folder.protocol, agents, costs)
+
+    @classmethod
+    def of_results(
+        cls,
+        results: Sequence[CellResults],
+        protocol: Protocol,
+        agents: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+        costs: Mapping[str, float] = MappingProxyType({}),
+    ) -> Report:
+        """Return the report of results.
+
+        Args:
+            results: The results.
+            protocol: The protocol.
+            agents: Facts of the trained agents, by name.
+            costs: Cost a reading of mappers, in costs of `odometry`.
+
+        Raises:
+            InputError: Two agents began the same episode at different poses.
+        """
         own = [found for found in results if has_own_mapper(found.cell, agents)]
         return cls(
             protocol=protocol,
             rows=make_table(own, protocol),
+            columns=make_overview(own, protocol),
             agents=agents,
-            mappers=MapperReport.of(results, protocol, read_costs(folder.path)),
+            mappers=MapperReport.of(results, protocol, costs),
+            outdated=sum(
+                installed_sources(found.cell, found.fingerprint) not in (None, found.sources)
+                for found in results
+            ),
         )
 
     def only(self, agents: Collection[str]) -> Report:
@@ -80,19 +128,6 @@ class Report:
 
 Section = Callable[[Report], Iterable[str]]
 """Yields the lines of a section of the page; none if it has nothing to say."""
-
-_SHORT: Mapping[str, tuple[str, ...]] = {
-    "spl": ("success_rate", "spl"),
-    "success": ("success_rate",),
-    "coverage_auc": ("coverage_auc",),
-    "recall": ("precision", "recall"),
-}
-"""What a cell of a short table shows, by the figure that the protocol compares; the last one has
-its interval."""
-_UPPER_BOUNDS = tuple(
-    name for name, entry in AGENTS.items() if entry.make(entry.configs).knows_truth
-)
-"""Agents that know the truth."""
 
 
 def render_page(report: Report, beside: Path | None = None) -> str:
@@ -132,6 +167,8 @@ def page_data(report: Report) -> dict[str, Any]:
         "protocol": report.protocol.protocol,
         "version": albot_env.__version__,
         "agents": {name: _facts(facts, report.protocol) for name, facts in report.agents.items()},
+        "sentences": said_of(report),
+        "overview": overview_data(report.columns),
         "rows": rows,
         "mappers": mapper_data(report.mappers),
     }
@@ -141,9 +178,28 @@ def _facts(facts: Mapping[str, Any], protocol: Protocol) -> dict[str, Any]:
     return {**facts, "budget": protocol.budget(facts["asked"])}
 
 
+def _overview(report: Report) -> Iterator[str]:
+    """Yield what the figures show, the two tables, and the picture of the mappers."""
+    yield "# Results"
+    yield from paragraph(" ".join(said_of(report)))
+    tables = agents_lines(report.columns, report.protocol.odometers[0])
+    for lines in ([*tables], [*mappers_lines(report.mappers)]):
+        if lines:
+            yield ""
+            yield from lines
+    if report.picture is not None:
+        yield ""
+        yield f"![success in coming home against what the map was like]({report.picture})"
+
+
+def said_of(report: Report) -> list[str]:
+    """Return what the figures show, three sentences, as far as there are enough episodes."""
+    said = [agents_sentence(report.columns), *sentences(report.mappers)]
+    return [sentence for sentence in said if sentence]
+
+
 def _opening(report: Report) -> Iterator[str]:
     protocol = report.protocol
-    yield "# Results"
     yield from paragraph(
         f"The albot-env benchmark, protocol {protocol.protocol} "
         f"({report.link('benchmark.md', 'benchmark.md')}), "
@@ -151,7 +207,6 @@ def _opening(report: Report) -> Iterator[str]:
         "alone, not for training or tuning. All agents of a task meet the same episodes. In "
         "brackets: 95 % intervals. All of this page is generated by `albot results`."
     )
-    yield from paragraph(" ".join(_says(report)))
     counts = _episode_counts(report)
     short = [count for cell, count in counts.items() if count < report.asked(cell)]
     if short:
@@ -159,7 +214,13 @@ def _opening(report: Report) -> Iterator[str]:
         yield from paragraph(
             f"**Not complete:** {len(short):,} of {len(counts):,} cells have fewer episodes than "
             f"the {asked} that the protocol asks for, the smallest has {min(short)}. In rows with "
-            "such cells that number is in bold."
+            "such cells that number is in bold. No sentence is made of fewer than "
+            f"{FEWEST} episodes."
+        )
+    if report.outdated:
+        yield from paragraph(
+            f"**Of other sources:** {report.outdated:,} cells were measured with another state of "
+            "their agent or mapper than the installed one."
         )
 
 
@@ -167,61 +228,17 @@ def _episode_counts(report: Report) -> dict[Cell, int]:
     """Return the number of episodes of each cell, those of the mappers' section among them."""
     counts = {row.cell: row.episodes for row in report.rows}
     for row in report.mappers.rows:
-        cell = Cell(
-            task=BY_MAP,
-            agent=row.driver,
-            mapper=row.mapper,
-            odometer=row.odometer,
-            worlds=WORLDS,
-        )
-        counts[cell] = row.episodes
+        for task, agent, episodes in (
+            (BY_MAP, row.driver, row.episodes),
+            (EXPLORE, MAPPER_AGENTS[EXPLORE], row.claims),
+            (PLACES, MAPPER_AGENTS[PLACES], row.places),
+        ):
+            cell = Cell(
+                task=task, agent=agent, mapper=row.mapper, odometer=row.odometer, worlds=WORLDS
+            )
+            if episodes:
+                counts[cell] = episodes
     return counts
-
-
-def _says(report: Report) -> Iterator[str]:
-    """Yield a sentence about each task: the best agents over all kinds of worlds."""
-    for task in report.tasks:
-        measured = report.protocol.tasks[task]
-        if is_probe(task):
-            continue
-        by_agent = _by_agent(report.rows_of(task), report.protocol.odometers[0])
-        ranked = {
-            (agent, mapper): its
-            for (agent, mapper), its in by_agent.items()
-            if agent not in _UPPER_BOUNDS
-            and {*its} == {*measured.worlds}
-            and all(_compared(row, measured.figure) is not None for row in its.values())
-        }
-        # Only agents that were measured in as many episodes are set beside each other.
-        fewest = {key: min(row.episodes for row in its.values()) for key, its in ranked.items()}
-        count = max(fewest.values(), default=0)
-        ranked = {key: its for key, its in ranked.items() if fewest[key] == count >= FEWEST}
-        if len(ranked) < 2:
-            continue
-        means: dict[str, float] = {}
-        for key, its in ranked.items():
-            values = [_compared(row, measured.figure) or 0.0 for row in its.values()]
-            means[_called(*key)] = sum(values) / len(values)
-        title = FIGURES[_named(measured.figure)].title
-        best, second = sorted(means, key=lambda name: -means[name])[:2]
-        rows = [row for its in ranked.values() for row in its.values()]
-        short = any(row.episodes < report.asked(row.cell) for row in rows)
-        so_far = f", by at least {count} episodes in each" if short else ""
-        yield (
-            f"In {short_name(task)}, {best} is first: its mean {title} over the "
-            f"{len(measured.worlds)} kinds of worlds is {means[best]:.2f}, that of {second} "
-            f"{means[second]:.2f}{so_far}."
-        )
-
-
-def _named(figure: str) -> str:
-    """Return the name in the table of a figure of `paired`."""
-    return {"success": "success_rate"}.get(figure, figure)
-
-
-def _compared(row: TableRow, figure: str) -> float | None:
-    found = row.figures.get(_named(figure))
-    return None if found is None else found.value
 
 
 def _agents_table(report: Report) -> Iterator[str]:
@@ -229,7 +246,7 @@ def _agents_table(report: Report) -> Iterator[str]:
     tables = list(_short_tables(report, first))
     if not tables:
         return
-    yield "## Agents"
+    yield "## Agents by worlds"
     yield ""
     others = "; others are [below](#odometers)" if _other_odometers(report) else ""
     yield f"With the odometer `{first}`{others}. A row is an agent, with its mapper in brackets."
@@ -237,7 +254,7 @@ def _agents_table(report: Report) -> Iterator[str]:
 
 
 def _mappers(report: Report) -> Iterator[str]:
-    yield from mapper_section(report.mappers, report.picture)
+    yield from mapper_section(report.mappers)
 
 
 def _other_odometers(report: Report) -> list[str]:
@@ -289,7 +306,7 @@ def _short_table(
     shown = {
         key: name for key, name in columns.items() if any(key in its for its in by_agent.values())
     }
-    names = _SHORT[figure]
+    names = SHORT[figure]
     titles = [FIGURES[name].title for name in names]
     yield ""
     yield f"**{title}**: {' · '.join(titles)}{' (95 % interval)' if names else ''}"
@@ -297,11 +314,14 @@ def _short_table(
     yield f"| agent | budget | {' | '.join(shown.values())} | episodes a cell |"
     yield "|---" * (len(shown) + 3) + "|"
     for (agent, mapper), its in by_agent.items():
-        cells = [_short_cell(its[key], names) if key in its else "–" for key in shown]
+        cells = [
+            figures_text(its[key].figures, its[key].episodes, names) if key in its else "–"
+            for key in shown
+        ]
         fewest = min(row.episodes for row in its.values())
         short = any(row.episodes < report.asked(row.cell) for row in its.values())
         number = f"**{fewest}**" if short else f"{fewest}"
-        row = [_called(agent, mapper), _samples(report, agent), *cells, number]
+        row = [agent_text(agent, mapper), _samples(report, agent), *cells, number]
         yield f"| {' | '.join(row)} |"
 
 
@@ -318,10 +338,6 @@ def _by_agent(
     return found
 
 
-def _called(agent: str, mapper: str) -> str:
-    return f"`{agent}`" if mapper == "none" else f"`{agent}` ({mapper})"
-
-
 def _samples(report: Report, agent: str) -> str:
     """Return the budget under which a trained agent is filed."""
     facts = report.agents.get(agent)
@@ -329,23 +345,6 @@ def _samples(report: Report, agent: str) -> str:
         return "–"
     budget = report.protocol.budget(facts["asked"])
     return "more" if budget is None else f"{budget / 1e6:g} M"
-
-
-def _short_cell(row: TableRow, names: Sequence[str]) -> str:
-    texts = [
-        written(
-            row.figures.get(name),
-            FIGURES[name].form,
-            interval=name == names[-1] and _has_intervals(row, name),
-        )
-        for name in names
-    ]
-    return " · ".join(texts)
-
-
-def _has_intervals(row: TableRow, name: str) -> bool:
-    """Return whether a figure's interval says something: one episode is not resampled."""
-    return row.episodes > 1 or name == "success_rate"
 
 
 def _details(report: Report) -> Iterator[str]:
@@ -374,10 +373,12 @@ def _detailed_table(rows: Sequence[TableRow], figure: str) -> Iterator[str]:
     yield f"| worlds | odometer | agent | episodes | {' | '.join(titles)} |"
     yield "|---" * (4 + len(titles)) + "|"
     for row in rows:
-        cells = [row.cell.worlds, row.cell.odometer, _called(row.cell.agent, row.cell.mapper)]
+        cells = [row.cell.worlds, row.cell.odometer, agent_text(row.cell.agent, row.cell.mapper)]
         cells.append(str(row.episodes))
         cells += [
-            written(row.figures.get(name), FIGURES[name].form, interval=_has_intervals(row, name))
+            written(
+                row.figures.get(name), FIGURES[name].form, interval=has_interval(row.episodes, name)
+            )
             for name in names
         ]
         told = row.difference
@@ -409,6 +410,6 @@ def _trained(report: Report) -> Iterator[str]:
 
 
 SECTIONS: tuple[Section, ...] = (
-    _opening, _agents_table, _mappers, _odometers, _trained, _details,
+    _overview, _opening, _agents_table, _mappers, _odometers, _trained, _details,
 )  # fmt: skip
 """The sections of the page, in order."""

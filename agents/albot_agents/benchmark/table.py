@@ -102,6 +102,25 @@ FIGURES: Mapping[str, Figure] = {
 """The figures of a cell by name."""
 
 
+SHORT: Mapping[str, tuple[str, ...]] = {
+    "spl": ("success_rate", "spl"),
+    "success": ("success_rate",),
+    "coverage_auc": ("coverage_auc",),
+    "recall": ("precision", "recall"),
+}
+"""What a cell of a short table shows, by the figure that the protocol compares."""
+
+
+def named(figure: str) -> str:
+    """Return the name in `FIGURES` of a figure of `paired`."""
+    return {"success": "success_rate"}.get(figure, figure)
+
+
+def has_interval(episodes: int, name: str) -> bool:
+    """Return whether a figure's interval says something: one episode is not resampled."""
+    return episodes > 1 or name == "success_rate"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
     """A figure of a cell."""
@@ -164,7 +183,8 @@ def make_table(results: Sequence[CellResults], protocol: Protocol) -> list[Table
         )
         difference = None
         if others is not None and cell.agent != measured.reference:
-            difference = compare(cell, cells[cell], others, measured.figure)
+            place = f"{cell.task}, {cell.worlds}, {cell.odometer}"
+            difference = compare(place, cells[cell], others, measured.figure)
         rows.append(
             TableRow(
                 cell=cell,
@@ -219,12 +239,12 @@ def _clusters(episodes: Sequence[EpisodeResult]) -> list[str | int]:
 
 
 def compare(
-    cell: Cell, episodes: Sequence[EpisodeResult], others: Sequence[EpisodeResult], figure: str
+    where: str, episodes: Sequence[EpisodeResult], others: Sequence[EpisodeResult], figure: str
 ) -> Difference | None:
     """Return by how much a figure exceeds the reference's, in the episodes that both have.
 
     Args:
-        cell: The cell, for the error.
+        where: The cell, for the error.
         episodes: Its episodes.
         others: The reference's.
         figure: The figure, one of `paired.FIGURES`.
@@ -239,8 +259,7 @@ def compare(
         if not same:
             expected = f"the same episodes for {one.agent} and {other.agent}"
             found = f"different beginnings in {one.world}, seed {one.seed}"
-            place = f"{cell.task}, {cell.worlds}, {cell.odometer}"
-            raise InputError(place, expected, f"{found}; remove the older of their files")
+            raise InputError(where, expected, f"{found}; remove the older of their files")
     both = [
         (one, mine - its)
         for one, other in pairs
