@@ -361,6 +361,13 @@ class BatchSimulator:
         """Return the current outlines of the obstacles around a robot (world frame)."""
         return self._obstacles.outlines(row)
 
+    @property
+    def outlines(self) -> tuple[Segments, Int64[np.ndarray, "robots 2"]]:
+        """Outlines of all obstacles now, and each robot's first row and end row of them."""
+        tables = self._obstacles.tables
+        spans = np.stack((tables.robots["outlines"], tables.robots["outlines_end"]), axis=1)
+        return tables.outlines, spans
+
     def _reserve_buffers(self, bodies: int) -> None:
         """Make sure the buffers hold `bodies` robot and obstacle bodies per space."""
         if bodies > self._buffered_bodies:

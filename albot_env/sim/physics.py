@@ -84,10 +84,12 @@ class PhysicsSpace:
         self.space.collision_slop = _ALLOWED_OVERLAP
         self.space.collision_bias = _OVERLAP_LEFT ** (1 / PHYSICS_STEP)
         ground = self.space.static_body
-        for x1, y1, x2, y2 in walls.tolist():
-            wall = pymunk.Segment(ground, (x1, y1), (x2, y2), 0.0)
-            wall.friction = 1.0
-            self.space.add(wall)
+        shapes = [
+            pymunk.Segment(ground, (x1, y1), (x2, y2), 0.0) for x1, y1, x2, y2 in walls.tolist()
+        ]
+        for shape in shapes:
+            shape.friction = 1.0
+        self.space.add(*shapes)
         self._wheel_space = pymunk.Space()
         self._wheels: list[pymunk.Body] = []
         self._robot_parts: list[tuple[PymunkObject, ...]] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -45,6 +44,7 @@ class WallIndex:
         """Forget all buildings."""
         self.max_walls = 0
         """Number of walls in the largest building."""
+        self._room: dict[str, np.ndarray] = {}
         self.tables = WallTables(
             walls=np.empty((0, 4)),
             neighbours=np.empty((0, 2), np.int64),
@@ -65,12 +65,23 @@ class WallIndex:
         cells = grid[3] * grid[4] + 1 + math.ceil(grid[3] / BLOCK) * math.ceil(grid[4] / BLOCK)
         frame = np.array((*grid, len(old.spans), first, first + len(walls)))
         self.tables = old._replace(
-            walls=np.concatenate((old.walls, walls)),
-            neighbours=np.concatenate((old.neighbours, neighbours)),
-            frames=np.concatenate((old.frames, frame[np.newaxis])),
-            spans=np.concatenate((old.spans, np.full((cells, 2), _NOT_LISTED))),
+            walls=self._append("walls", walls),
+            neighbours=self._append("neighbours", neighbours),
+            frames=self._append("frames", frame[np.newaxis]),
+            spans=self._append("spans", np.full((cells, 2), _NOT_LISTED)),
         )
         return len(old.frames)
+
+    def _append(self, name: str, rows: np.ndarray) -> np.ndarray:
+        """Return a table with more rows, which has room for as many again when it is copied."""
+        old: np.ndarray = getattr(self.tables, name)
+        count = len(old) + len(rows)
+        room = self._room.get(name)
+        if room is None or len(room) < count:
+            room = self._room[name] = np.empty((2 * count, *old.shape[1:]), old.dtype)
+            room[: len(old)] = old
+        room[len(old) : count] = rows
+        return room[:count]
 
     def _grid_over(self, walls: Segments) -> tuple[float, float, float, int, int]:
         """Return corner x, y, cell size, columns and rows of a grid over the walls."""
@@ -133,7 +144,8 @@ def _neighbours(walls: Segments) -> Int64[np.ndarray, "walls 2"]:
     if len(walls):
         _, groups = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
         order = np.argsort(groups, kind="stable")
-        for first, second in pairwise(order):
-            if groups[first] == groups[second]:
-                found[first], found[second] = second, first
+        alike = groups[order[:-1]] == groups[order[1:]]
+        first, second = order[:-1][alike], order[1:][alike]
+        found[second] = first
+        found[first] = second  # Where three meet, the one in the middle gets the last.
     return found.reshape(-1, 2)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -33,13 +33,30 @@ _TURN_ASIDE = 1e-4
 _DIRECTIONS = (31, 1001, 20_001)
 """Number of directions in which the farthest surface in a cone is searched: at first, and again
 while a doubt remains. Gaps of 0.1 mm at 4 m are missed; people leave some of 2 mm."""
-_SLACK = 0.01
+SLACK = 0.01
 """Relative allowance for a surface between two directions: at most 0.8 % on a wall that is hit
 within 25° of its perpendicular."""
-_REACH = 1.1
+REACH = 1.1
 """Surfaces beyond this multiple of the sonars' range, from the robot's centre, are not heard."""
 _ROUNDING = 1e-6
 """Tolerance for the simulator's rounding errors (m)."""
+
+
+INVARIANTS = (
+    "reward", "observation", "info", "readings", "body", "obstacles", "movables", "laser", "sonar",
+    "map", "places", "beliefs", "replay", "error",
+)  # fmt: skip
+"""Names of what must hold; `error`: no exception is raised, no process dies."""
+ERROR = "error"
+
+
+class Finding(NamedTuple):
+    """Something that is wrong."""
+
+    invariant: str
+    """Name of what does not hold; one of `INVARIANTS`."""
+    what: str
+    """What is wrong, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +72,8 @@ class Limits:
     """Maximum overlap of the body with a dynamic obstacle (m): with a door's leaf 5 cm, as with a
     wall. Boxes and people are met in shorter steps, and people stop before the robot."""
     box_overlap: float = 0.06
-    """Maximum depth of a wall in a box (m): 5 cm with the lightest boxes at the maximum speed of
-    actions."""
+    """Maximum depth of a wall in a box or a person (m): 5 cm with the lightest boxes at the maximum
+    speed of actions."""
     range_error: float = 0.04
     """Maximum error of a range (m): the largest of the laser's 4096 errors of 1 cm standard
     deviation is 3.7 cm."""
@@ -130,6 +147,26 @@ def check_reward(reward: Any, terms: Mapping[str, Any]) -> list[str]:
     return []
 
 
+def check_readings(
+    motion: Pose,
+    ranges: Float64[np.ndarray, "beams"] | None = None,
+    echoes: Float64[np.ndarray, "sonars"] | None = None,
+) -> list[str]:
+    """Check that a reading's motion is finite, and that its ranges are distances or infinity.
+
+    Args:
+        motion: The odometer's motion (m, m, rad).
+        ranges: The laser's ranges (m); None without a laser.
+        echoes: The sonars' ranges (m); None without sonars.
+    """
+    wrong = [] if np.isfinite(motion).all() else [f"the odometer says {motion.tolist()}"]
+    for name, values in (("beam", ranges), ("sonar", echoes)):
+        if values is not None:
+            bad = np.flatnonzero(~(values >= 0)).tolist()
+            wrong += [f"{name} {k} says {values[k]:g} m" for k in bad]
+    return wrong
+
+
 def check_body(walls: Segments, before: Point, after: Point, limits: Limits) -> list[str]:
     """Check that the robot overlaps no wall by more than allowed, and has crossed none.
 
@@ -169,29 +206,47 @@ def check_obstacles(obstacles: Segments, place: Point, limits: Limits) -> list[s
     return [f"stands {depth:.3f} m deep in something that moves, at {_position(place)}"]
 
 
-def check_boxes(
-    walls: Segments,
-    before: Float64[np.ndarray, "boxes 4 2"],
-    after: Float64[np.ndarray, "boxes 4 2"],
-    limits: Limits,
+def check_inside(
+    kind: str, corners: Float64[np.ndarray, "movables corners 2"], place: Point
 ) -> list[str]:
-    """Check that no wall is deeper in a box than allowed, and that no box's centre has crossed one.
+    """Check that the robot's centre is not within a movable, far from all of its sides.
 
     Args:
+        kind: What they are: `box` or `person`.
+        corners: Corners of the movables now, counter-clockwise (m).
+        place: Position of the robot (m).
+    """
+    sides, away = np.roll(corners, -1, axis=1) - corners, place - corners
+    left = sides[..., 0] * away[..., 1] - sides[..., 1] * away[..., 0] > 0
+    inside = np.flatnonzero(left.all(axis=1)).tolist()
+    return [f"stands inside {kind} {k}, at {_position(place)}" for k in inside]
+
+
+def check_movables(
+    kind: str,
+    walls: Segments,
+    before: Float64[np.ndarray, "movables corners 2"],
+    after: Float64[np.ndarray, "movables corners 2"],
+    limits: Limits,
+) -> list[str]:
+    """Check that no wall is deeper in a movable than allowed, and that no centre has crossed one.
+
+    Args:
+        kind: What they are: `box` or `person`.
         walls: The walls.
-        before: Corners of the boxes after the previous step, counter-clockwise (m).
-        after: Corners of the boxes now (m).
+        before: Corners of the movables after the previous step, counter-clockwise (m).
+        after: Their corners now (m).
         limits: Maximum errors and overlaps.
     """
     wrong: list[str] = []
-    for box, (corners, centre) in enumerate(zip(after, after.mean(axis=1), strict=True)):
-        crossed = np.flatnonzero(walls_crossed(walls, before[box].mean(axis=0), centre)).tolist()
-        wrong += [f"box {box} went through {_named(walls, wall)}" for wall in crossed]
+    for k, (corners, centre) in enumerate(zip(after, after.mean(axis=1), strict=True)):
+        crossed = np.flatnonzero(walls_crossed(walls, before[k].mean(axis=0), centre)).tolist()
+        wrong += [f"{kind} {k} went through {_named(walls, wall)}" for wall in crossed]
         depths = depths_in(walls, corners)
         deepest = int(depths.argmax())
         if depths[deepest] > limits.box_overlap:
             wall = _named(walls, deepest)
-            wrong.append(f"box {box} stands {depths[deepest]:.3f} m deep in {wall}")
+            wrong.append(f"{kind} {k} stands {depths[deepest]:.3f} m deep in {wall}")
     return wrong
 
 
@@ -258,7 +313,7 @@ def check_sonar(surfaces: Segments, pose: Pose, scan: SonarScan, limits: Limits)
     if not np.isfinite(pose).all():
         return []  # There is no position to check; `check_info` reports it.
     geometry, echoes = scan.geometry, scan.ranges
-    near = surfaces[wall_distances(surfaces, pose[:2]) < _REACH * geometry.max_range]
+    near = surfaces[wall_distances(surfaces, pose[:2]) < REACH * geometry.max_range]
     sonars = compose(pose, np.column_stack((np.array(geometry.places), geometry.bearings)))
     heard, half = np.flatnonzero(echoes < np.inf), geometry.cone / 2
     nearest = _with_neighbours(sonars, nearest_in_cones(near, sonars, half), -1.0)
@@ -269,7 +324,7 @@ def check_sonar(surfaces: Segments, pose: Pose, scan: SonarScan, limits: Limits)
     ]
     for directions in _DIRECTIONS:  # Few need the finer search.
         farthest = _with_neighbours(sonars, _farthest_in_cones(near, sonars, half, directions), 1.0)
-        most = np.maximum(farthest * (1 + _SLACK) + limits.echo_error(farthest), geometry.min_range)
+        most = np.maximum(farthest * (1 + SLACK) + limits.echo_error(farthest), geometry.min_range)
         beyond = heard[echoes[heard] > np.minimum(most, geometry.max_range)[heard]]
         if not len(beyond):
             return wrong

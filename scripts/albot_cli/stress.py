@@ -3,33 +3,49 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Iterable
 from contextlib import closing
+from itertools import count as counting
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from albot_cli import completion
 from albot_cli.count_type import CountType
 from albot_cli.engine_options import engine_options
+from albot_cli.faults import faults_option
 from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import JSON
+from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
+from albot_core.errors import InputError
+from albot_core.files import write_text
 
 if TYPE_CHECKING:
     from albot_agents.engine.engine import Engine
-    from albot_agents.stress import Episode, Outcome
+    from albot_agents.stress.campaign import Campaign
+    from albot_agents.stress.episodes import Outcome, Violation
 
 _LARGEST_SEED = 2**64 - 1
 """Largest seed of a random world."""
+_SHRUNK = 10
+"""Number of violations that are shrunk, at most."""
+_PLAN = (
+    "worlds", "count", "steps", "seed", "agents", "mapper", "mapper_config", "robot", "odometer",
+    "faults",
+)  # fmt: skip
+"""The options that a campaign's file stands for."""
 
 
 @click.command()
+@click.argument("campaign", required=False, type=PathType(dir_okay=False))
 @click.option(
     "--worlds",
     default="random",
@@ -78,52 +94,119 @@ _LARGEST_SEED = 2**64 - 1
 )
 @mapper_config_option
 @robot_option
+@click.option(
+    "--odometer",
+    shell_complete=completion.odometer_names,
+    help="The odometer's preset.  [default: pioneer]",
+)
+@faults_option
+@click.option(
+    "--beams",
+    type=click.FloatRange(0, 1, min_open=True),
+    help="Share of the beams and sonars that are compared with the surfaces at each step, in "
+    "turns; 1 for all.  [default: 0.125, or the campaign's]",
+)
+@click.option(
+    "--shrink",
+    "seconds",
+    default=60.0,
+    show_default=True,
+    type=click.FloatRange(0),
+    help="Time in which a simpler episode is searched for each of the first violations, in "
+    "seconds; 0 for none.",
+)
+@click.option(
+    "--out",
+    type=PathType(file_okay=False),
+    help="New folder for the episodes of violations.  [default: violations, or the first of "
+    "violations-1, violations-2, … that is free]",
+)
 @engine_options
 @JSON
+@click.pass_context
 def command(
-    worlds: str,
-    count: int,
-    steps: int,
-    seed: int,
-    agents: tuple[str, ...],
-    mapper: str,
-    mapper_config: Path | None,
-    robot: str | None,
+    ctx: click.Context,
+    /,
+    campaign: Path | None,
+    beams: float | None,
+    seconds: float,
+    out: Path | None,
     engine: Engine,
     as_json: bool,
+    **plan: Any,
 ) -> int:
     """Drive agents through many worlds and check every step.
 
-    No number may be NaN or outside its space. Each reward must be the sum of its terms. No robot
-    may be inside or behind a wall, or inside a movable. Each laser beam must be as long as the
-    distance to the nearest surface, and each sonar echo must come from a possible surface. Each
-    violation is printed with the command that reproduces it. The exit status is 0 without
-    violations, 1 with some, and 130 if Ctrl-C stops it.
-    """
-    from albot_agents.registry import EXPLORE, check_agent
-    from albot_agents.stress import plan_episodes
+    CAMPAIGN is a YAML file (docs/campaigns.md) that lists worlds, agents, mappers, odometers and
+    faults; all combinations run. Without it, the options say what runs.
 
-    mapper_parameters = None if mapper_config is None else read_robots_config(mapper, mapper_config)
-    chosen = tuple(dict.fromkeys(agents))
-    for name in chosen:
-        check_agent(name, EXPLORE)
-    episodes = plan_episodes(
-        worlds,
-        chosen,
-        count=count,
-        first=seed,
-        mapper=mapper,
-        steps=steps,
-        mapper_config=mapper_parameters,
-        mapper_config_file=mapper_config,
-        robot=robot,
-    )
+    No number may be NaN or outside its space. Each reward must be the sum of its terms. No robot
+    may be inside or behind a wall, or inside a movable, and no box or person in or behind a wall.
+    Each laser beam must be as long as the distance to the nearest surface, and each sonar echo must
+    come from a possible surface. Maps must be finite and bounded, and their places connected. A
+    second mapper must believe the same of the same readings, and a recording must replay to the
+    last bit. Each violation is shrunk to a simpler episode, stored, and printed with the command
+    that shows it. The exit status is 0 without violations, 1 with some, and 130 if Ctrl-C stops it.
+    """
+    chosen = _campaign(ctx, campaign, beams, plan)
+    if out is not None and out.exists():
+        raise InputError("--out", "a folder that is not there yet", str(out))
     tally = _Tally()
-    _run(episodes, engine, tally)
-    click.echo(json.dumps(tally.facts(chosen)) if as_json else tally.text())
+    _run(chosen, engine, tally)
+    if tally.violations and seconds and not tally.stopped:
+        _shrink(chosen, engine, tally, seconds, out or _free_folder())
+    click.echo(json.dumps(tally.facts(chosen.agents)) if as_json else tally.text())
     if tally.violations:
         return 1
     return STOPPED if tally.stopped else 0
+
+
+def _campaign(
+    ctx: click.Context, file: Path | None, beams: float | None, plan: dict[str, Any]
+) -> Campaign:
+    """Return what runs, by the file or by the options.
+
+    Raises:
+        InputError: It is not valid; or there are a file and an option that it stands for.
+    """
+    from dataclasses import replace
+
+    from albot_agents.registry import EXPLORE, check_agent
+    from albot_agents.stress.campaign import Campaign, MapperChoice, read_campaign
+    from albot_agents.stress.running import Checks
+
+    if file is not None:
+        for name in _PLAN:
+            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                option = f"--{name.replace('_', '-').replace('agents', 'agent')}"
+                raise InputError(option, "no such option with a campaign", f"{file}")
+        found = read_campaign(file)
+    else:
+        agents = tuple(dict.fromkeys(plan["agents"]))
+        for name in agents:
+            check_agent(name, EXPLORE)
+        config_file, mapper = plan["mapper_config"], plan["mapper"]
+        config = None if config_file is None else read_robots_config(mapper, config_file)
+        found = Campaign(
+            worlds=(plan["worlds"],),
+            count=plan["count"],
+            seed=plan["seed"],
+            steps=plan["steps"],
+            agents=agents,
+            mappers=(MapperChoice(mapper, config, config_file),),
+            odometers=(plan["odometer"],),
+            faults=(plan["faults"],),
+            robot=plan["robot"],
+            checks=Checks(),
+        )
+        found.check()
+    return found if beams is None else replace(found, checks=replace(found.checks, beams=beams))
+
+
+def _free_folder() -> Path:
+    """Return the first free name for the folder of violations."""
+    names = (Path(f"violations-{k}" if k else "violations") for k in counting())
+    return next(name for name in names if not os.path.lexists(name))
 
 
 class _Tally:
@@ -135,37 +218,28 @@ class _Tally:
         self._episodes = 0
         self._steps = 0
         self._seconds = 0.0
-        self._violations: dict[int, list[dict[str, Any]]] = {}
+        self.violations: list[Violation] = []
+        """The violations."""
+        self.shrunk: list[dict[str, Any]] = []
+        """The shrunk ones, as rows of the JSON."""
         self.stopped = False
         """Whether Ctrl-C ended the run."""
 
-    @property
-    def violations(self) -> list[dict[str, Any]]:
-        """The violations in the order of the episodes, as rows of the JSON."""
-        return [row for number in sorted(self._violations) for row in self._violations[number]]
-
-    def add(self, number: int, outcome: Outcome) -> None:
-        """Add the outcome of an episode, which has this number in the plan."""
+    def add(self, outcome: Outcome) -> None:
+        """Add the outcome of an episode."""
         episode = outcome.episode
         self._worlds.add((episode.world, episode.seed))
         self._episodes += 1
         self._steps += outcome.steps
         self._seconds = time.perf_counter() - self._began
-        if outcome.violations:
-            self._violations[number] = [
-                {
-                    "world": episode.world,
-                    "agent": episode.agent,
-                    "seed": episode.seed,
-                    "step": violation.step,
-                    "what": violation.what,
-                    "command": violation.command,
-                }
-                for violation in outcome.violations
-            ]
+        self.violations += outcome.violations
 
     def facts(self, agents: Iterable[str]) -> dict[str, Any]:
         """Return the results as the JSON object."""
+        in_order = sorted(
+            self.violations,
+            key=lambda each: (each.episode.seed, each.episode.world, each.episode.agent),
+        )
         return {
             "worlds": len(self._worlds),
             "agents": list(agents),
@@ -174,15 +248,22 @@ class _Tally:
             "seconds": self._seconds,
             "steps_per_second": self._steps / self._seconds if self._seconds else 0.0,
             "stopped": self.stopped,
-            "violations": self.violations,
+            "violations": [_row(violation) for violation in in_order],
+            "shrunk": self.shrunk,
         }
 
     def text(self) -> str:
         """Return the results as text."""
         facts = self.facts(())
         lines = [
-            f"step {each['step']}: {each['what']}\n  {each['command']}" for each in self.violations
+            f"step {each['step']}: {each['what']}\n  {each['command']}"
+            for each in facts["violations"]
         ]
+        for each in self.shrunk:
+            stored = f" ({each['episode']})" if each["episode"] else ""
+            lines.append(
+                f"shrunk: step {each['step']}: {each['what']}{stored}\n  {each['command']}"
+            )
         found = len(self.violations)
         lines.append(
             f"{many(facts['worlds'], 'world')}, {many(facts['episodes'], 'episode')}, "
@@ -194,20 +275,73 @@ class _Tally:
         return "\n".join(lines)
 
 
-def _run(episodes: list[Episode], engine: Engine, tally: _Tally) -> None:
-    """Run the episodes until all are done or Ctrl-C."""
-    from albot_agents.engine.engine import Crash
-    from albot_agents.stress import crashed_episode, run_episode
+def _row(violation: Violation) -> dict[str, Any]:
+    """Return a violation as a row of the JSON."""
+    return {
+        "world": violation.episode.world,
+        "agent": violation.episode.agent,
+        "seed": violation.episode.seed,
+        "step": violation.step,
+        "invariant": violation.invariant,
+        "what": violation.what,
+        "command": violation.command,
+    }
 
-    length = episodes[0].steps
-    results = engine.run(run_episode, episodes)
+
+def _run(campaign: Campaign, engine: Engine, tally: _Tally) -> None:
+    """Run the episodes until all are done or Ctrl-C."""
+    from albot_agents.stress.episodes import plan_jobs
+    from albot_agents.stress.running import run_jobs
+
+    episodes = campaign.episodes()
+    outcomes = run_jobs(plan_jobs(episodes, engine.workers), engine, campaign.checks)
+    total = len(episodes) * campaign.steps
     try:
-        with progress("stress", len(episodes) * length, "steps") as update, closing(results):
-            for count, done in enumerate(results, start=1):
-                result = done.result
-                if isinstance(result, Crash):
-                    result = crashed_episode(done.task, result)
-                tally.add(done.number, result)
-                update(count * length)
+        with progress("stress", total, "steps") as update, closing(outcomes):
+            for done, outcome in enumerate(outcomes, start=1):
+                tally.add(outcome)
+                update(done * campaign.steps)
     except KeyboardInterrupt:
         tally.stopped = True
+
+
+def _shrink(
+    campaign: Campaign, engine: Engine, tally: _Tally, seconds: float, folder: Path
+) -> None:
+    """Shrink the first violations of each kind, and store their episodes."""
+    from albot_agents.engine.engine import Crash
+    from albot_agents.stress.shrinking import ShrinkTask, Shrunk, shrink
+
+    kinds = {
+        (each.invariant, each.episode.agent, each.episode.mapper, each.episode.faults): each
+        for each in reversed(tally.violations)
+    }
+    folder.mkdir()
+    tasks = [
+        ShrinkTask(
+            violation=violation,
+            checks=campaign.checks,
+            seconds=seconds,
+            record=folder / f"violation-{number}.mcap",
+        )
+        for number, violation in enumerate(list(reversed(kinds.values()))[:_SHRUNK], start=1)
+    ]
+    found: dict[int, dict[str, Any]] = {}
+    try:
+        with (
+            progress("shrinking", len(tasks), "violations") as update,
+            closing(engine.run(shrink, tasks)) as results,
+        ):
+            for done in results:
+                violation, tried = done.task.violation, 0
+                if not isinstance(done.result, Crash):
+                    shrunk: Shrunk = done.result
+                    violation, tried = shrunk.violation, shrunk.tried
+                record = done.task.record
+                stored = str(record) if record is not None and record.exists() else None
+                found[done.number] = {**_row(violation), "tried": tried, "episode": stored}
+                update(len(found))
+    except KeyboardInterrupt:
+        tally.stopped = True
+    tally.shrunk = [found[number] for number in sorted(found)]
+    write_text(folder / "violations.json", json.dumps(tally.facts(campaign.agents), indent=1))

@@ -14,16 +14,23 @@ import numpy as np
 import pytest
 
 from albot_agents.registry import EXPLORE, agent_names, find_agent
-from albot_agents.stress import Episode, Outcome, Violation, plan_episodes, run_episode
+from albot_agents.stress.episodes import (
+    Episode,
+    Outcome,
+    Violation,
+    plan_episodes,
+    plan_jobs,
+)
+from albot_agents.stress.running import Checks, run_episode, run_job
 from albot_cli.main import main
 from albot_core.errors import InputError
 from albot_core.mappers.registry import mapper_config, mapper_spec
 from albot_core.robot import ROBOTS
 from albot_env.recording.reader import EpisodeReader
-from albot_env.stress.checks import Limits
 from albot_env.tasks.core import single
 from albot_env.tasks.core.driving import DrivingTask
-from albot_env.tasks.explore.env import ExploreEnv
+from albot_env.tasks.core.vector import VectorEnv
+from albot_env.tasks.explore.env import ExploreVectorEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
 
@@ -109,7 +116,7 @@ def test_a_violation_names_the_command_that_shows_it():
 
 
 SOUND = Episode(world="square-loop", agent="random", mapper="none", seed=3, steps=30)
-Step = tuple[Any, float, bool, bool, dict[str, Any]]
+Step = tuple[Any, Any, Any, Any, dict[str, Any]]
 
 
 def mapper_for(agent: str, usual: str = "none") -> str:
@@ -119,7 +126,7 @@ def mapper_for(agent: str, usual: str = "none") -> str:
 
 
 def run(episode: Episode = SOUND) -> Outcome:
-    return run_episode(episode, lambda step: None, Limits())
+    return run_episode(episode, checks=Checks(beams=1.0))
 
 
 @pytest.mark.parametrize("agent", agent_names(EXPLORE))
@@ -148,13 +155,14 @@ def test_nor_where_things_move(agent: str):
 
 def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
     """As if the robot's senses met its things where they were before."""
-    whole, first = DrivingTask.dynamic_obstacles, []
+    whole, first = DrivingTask.obstacle_outlines, []
 
-    def obstacles(self: DrivingTask, row: int) -> np.ndarray:
-        first.append(whole(self, row))
-        return first[0]
+    def obstacles(self: DrivingTask) -> tuple[np.ndarray, np.ndarray]:
+        outlines, rows = whole.fget(self)
+        first.append(outlines.copy())
+        return first[0], rows
 
-    monkeypatch.setattr(DrivingTask, "dynamic_obstacles", obstacles)
+    monkeypatch.setattr(DrivingTask, "obstacle_outlines", property(obstacles))
     world = "random:apartment:1?people=3&boxes=4&doors=2"
     [violation, *_] = run(dataclasses.replace(SOUND, world=world, steps=200)).violations
     assert re.search(r"(beam|sonar) \d+ (sees|hears)", violation.what)
@@ -162,16 +170,17 @@ def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_box_in_a_wall_is_found(monkeypatch: pytest.MonkeyPatch):
     """As if its one box had been pushed aside by 20 m."""
-    whole = DrivingTask.dynamic_obstacles
+    whole = DrivingTask.obstacle_outlines
 
-    def obstacles(self: DrivingTask, row: int) -> np.ndarray:
-        found = whole(self, row)
+    def obstacles(self: DrivingTask) -> tuple[np.ndarray, np.ndarray]:
+        outlines, rows = whole.fget(self)
+        found = outlines.copy()
         found[2:6] += 20.0 * (len(pushes) > 5)
-        pushes.append(row)
-        return found
+        pushes.append(1)
+        return found, rows
 
     pushes: list[int] = []
-    monkeypatch.setattr(DrivingTask, "dynamic_obstacles", obstacles)
+    monkeypatch.setattr(DrivingTask, "obstacle_outlines", property(obstacles))
     world = "random:apartment:1?people=3&boxes=1&doors=2"
     [violation, *_] = run(dataclasses.replace(SOUND, world=world)).violations
     assert violation.what.startswith("box 0 went through wall")
@@ -192,14 +201,55 @@ def test_the_mapper_inside_has_the_thresholds_that_were_asked_for():
     assert "Albot1Config" in found.what
 
 
+def test_episodes_run_together_as_each_runs_alone(monkeypatch: pytest.MonkeyPatch):
+    """Poses and violations, in worlds with movables and without; one episode is stopped."""
+    seen: dict[str, list[np.ndarray]] = {}
+    whole = ExploreVectorEnv.step
+
+    def step(self: ExploreVectorEnv, actions: Any) -> Step:
+        result = whole(self, actions)
+        for row, world in enumerate(result[4]["world"]):
+            seen.setdefault(world, []).append(result[4]["pose"][row].copy())
+            if world == load_world("random:maze:3").name and result[4]["time"][row] > 1.55:
+                result[1][row] += 1
+        return result
+
+    monkeypatch.setattr(ExploreVectorEnv, "step", step)
+    worlds = ("random:apartment:1?people=3&boxes=4&doors=2", "random:maze:3", "square-loop")
+    episodes = [
+        dataclasses.replace(SOUND, world=world, seed=seed, agent="gap-explorer")
+        for seed, world in enumerate(worlds)
+    ]
+    together = run_job((tuple(episodes),), Checks(), lambda _: None)
+    poses, seen = seen, {}
+    assert together == [run(episode) for episode in episodes]
+    assert [outcome.steps for outcome in together] == [30, 16, 30]
+    for world, alone in seen.items():
+        assert np.array_equal(poses[world][: len(alone)], alone)
+
+
+def test_jobs_hold_the_same_worlds_for_all_agents():
+    """Agents whose environments are alike are stepped in one batch, others in one of their own."""
+    agents = ("gap-explorer", "onward-follower", "random")
+    episodes = plan("square-loop", count=5, agents=agents)
+    jobs = plan_jobs(episodes, processes=2)
+    named = [[[(each.seed, each.agent) for each in group] for group in job] for job in jobs]
+    alike = [[(seed, agents[0]), (seed, agents[2])] for seed in range(5)]
+    other = [(seed, agents[1]) for seed in range(5)]
+    assert named == [
+        [[*alike[0], *alike[1], *alike[2]], other[:3]],
+        [[*alike[3], *alike[4]], other[3:]],
+    ]
+
+
 def test_each_step_is_told_before_it_is_taken():
     counts: list[int] = []
-    run_episode(dataclasses.replace(SOUND, steps=3), counts.append, Limits())
+    run_episode(dataclasses.replace(SOUND, steps=3), counts.append)
     assert counts[:4] == [0, 1, 2, 3]
 
 
 def no_number(step: Step) -> Step:
-    return step[0], step[1], step[2], step[3], {**step[4], "position_error": np.nan}
+    return *step[:4], {**step[4], "position_error": np.full(1, np.nan)}
 
 
 def no_observation(step: Step) -> Step:
@@ -219,10 +269,10 @@ def far_away(step: Step) -> Step:
 
 
 def in_a_wall(step: Step) -> Step:
-    pose = step[4]["pose"].copy()
+    poses = step[4]["pose"].copy()
     walls = load_world(SOUND.world).walls
-    pose[0] = walls[:, [0, 2]].min() + 0.1
-    return *step[:4], {**step[4], "pose": pose}
+    poses[:, 0] = walls[:, [0, 2]].min() + 0.1
+    return *step[:4], {**step[4], "pose": poses}
 
 
 def dying(step: Step) -> Step:
@@ -230,28 +280,29 @@ def dying(step: Step) -> Step:
 
 
 @pytest.mark.parametrize(
-    ("broken", "found"),
+    ("broken", "invariant", "found"),
     [
-        (no_number, "info position_error holds nan"),
-        (no_observation, "the observation lies outside its space"),
-        (wrong_sum, r"the reward is .*, its terms add up to"),
-        (lost_key, "info lacks the key room of the reset"),
-        (far_away, "went through wall"),
-        (in_a_wall, "deep in wall"),
-        (dying, r"RuntimeError: the wheels fell off \(test_stress.py:\d+\)"),
+        (no_number, "info", "info position_error holds nan"),
+        (no_observation, "observation", "the observation lies outside its space"),
+        (wrong_sum, "reward", r"the reward is .*, its terms add up to"),
+        (lost_key, "info", "info lacks the key room of the reset"),
+        (far_away, "body", "went through wall"),
+        (in_a_wall, "body", "deep in wall"),
+        (dying, "error", r"RuntimeError: the wheels fell off \(test_stress.py:\d+\)"),
     ],
 )
 def test_what_is_broken_is_found_at_its_step(
-    broken: Callable[[Step], Step], found: str, monkeypatch: pytest.MonkeyPatch
+    broken: Callable[[Step], Step], invariant: str, found: str, monkeypatch: pytest.MonkeyPatch
 ):
-    whole = ExploreEnv.step
+    whole = ExploreVectorEnv.step
 
-    def step(self: ExploreEnv, action: Any) -> Step:
-        result = whole(self, action)
-        return broken(result) if round(10 * result[4]["time"]) == 8 else result
+    def step(self: ExploreVectorEnv, actions: Any) -> Step:
+        result = whole(self, actions)
+        return broken(result) if round(10 * result[4]["time"][0]) == 8 else result
 
-    monkeypatch.setattr(ExploreEnv, "step", step)
+    monkeypatch.setattr(ExploreVectorEnv, "step", step)
     outcome = run()
+    assert outcome.violations[0].invariant == invariant
     assert outcome.steps == 8
     assert {violation.step for violation in outcome.violations} == {8}
     assert re.search(found, outcome.violations[0].what)
@@ -264,9 +315,8 @@ def test_a_world_that_cannot_be_made_is_found():
     assert outcome.violations[0].what.startswith("InputError: random:office:5?")
 
 
-def lacking(spec: str) -> World:
+def lacking(world: World) -> World:
     """A world without its inner walls, for the environment alone."""
-    world = load_world(spec)
     middle = world.walls.reshape(-1, 2, 2).mean(axis=1)
     x_min, y_min, x_max, y_max = world.bounds
     outer = np.isin(middle[:, 0], (x_min, x_max)) | np.isin(middle[:, 1], (y_min, y_max))
@@ -276,7 +326,15 @@ def lacking(spec: str) -> World:
 def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(single, "load_worlds", lambda spec, _: load_worlds(lacking(spec)))
+    whole = VectorEnv.__init__
+
+    def without_walls(self: VectorEnv, num_envs: int, world: Any, **settings: Any) -> None:
+        whole(self, num_envs, [lacking(each) for each in world], **settings)
+
+    monkeypatch.setattr(VectorEnv, "__init__", without_walls)
+    monkeypatch.setattr(
+        single, "load_worlds", lambda spec, _: load_worlds(lacking(load_world(spec)))
+    )
     monkeypatch.chdir(tmp_path)
     [violation, *_] = run().violations
     seen = re.search(r"beam (\d+) sees (\S+) m, through a surface at (\S+) m", violation.what)
@@ -298,15 +356,15 @@ def test_play_runs_the_same_episode(
     mapper = mapper_for(agent, "odometry")
     episode = dataclasses.replace(SOUND, world="random:office:4", agent=agent, mapper=mapper)
     poses: list[np.ndarray] = []
-    whole = ExploreEnv.step
+    whole = ExploreVectorEnv.step
 
-    def step(self: ExploreEnv, action: Any) -> Step:
-        result = whole(self, action)
-        poses.append(result[4]["pose"])
+    def step(self: ExploreVectorEnv, actions: Any) -> Step:
+        result = whole(self, actions)
+        poses.append(result[4]["pose"][0])
         return wrong_sum(result) if len(poses) == 25 else result
 
     with monkeypatch.context() as breaking:
-        breaking.setattr(ExploreEnv, "step", step)
+        breaking.setattr(ExploreVectorEnv, "step", step)
         [violation] = run(episode).violations
     monkeypatch.chdir(tmp_path)
     shown = played(violation.command, monkeypatch)

@@ -23,26 +23,30 @@ KEYS = {
 
 BROKEN = """
 import os, signal
-from albot_env.tasks.explore.env import ExploreEnv
+from albot_env.tasks.explore.env import ExploreVectorEnv
 
-whole = ExploreEnv.step
+whole, begin = ExploreVectorEnv.step, ExploreVectorEnv.reset
 
-def each_otherwise(seed, result):
-    if seed == 0:
-        raise RuntimeError("lost")
-    if seed == 1:
+def each_otherwise(seeds, result):
+    if 1 in seeds:
         os.kill(os.getpid(), signal.SIGKILL)
-    if seed == 2:
+    if 2 in seeds:
         os._exit(3)
-    result[4]["time"] = float("nan")
+    if 0 in seeds:
+        raise RuntimeError("lost")
+    result[4]["time"][seeds.index(3)] = float("nan")
 
-def step(self, action):
-    result = whole(self, action)
-    if round(10 * result[4]["time"]) == 4:
+def step(self, actions):
+    result = whole(self, actions)
+    if round(10 * result[4]["time"].max()) == 4:
         {what}
     return result
 
-ExploreEnv.step = step
+def reset(self, *, seed=None, options=None):
+    self.seeds = list(seed)
+    return begin(self, seed=seed, options=options)
+
+ExploreVectorEnv.step, ExploreVectorEnv.reset = step, reset
 """
 """What Python runs by itself before the command, in the worker processes too."""
 
@@ -83,8 +87,11 @@ SHORT = ("stress", "--worlds", "square-loop", "--count", "3", "--steps", "6", "-
 
 
 def test_what_is_broken_is_found_in_every_episode(tmp_path: Path):
-    """An error, two deaths of a worker, each with one more to take its place, and a bad step."""
-    what = "each_otherwise(self.np_random_seed, result)"
+    """An error, two deaths of a worker, each with one more to take its place, and a bad step.
+
+    The four episodes run together at first, and then each alone.
+    """
+    what = "each_otherwise(self.seeds, result)"
     done = albot(tmp_path, *SHORT, "--count", "4", "--json", what=what)
     assert (done.returncode, done.stderr) == (1, "")
     found = json.loads(done.stdout)

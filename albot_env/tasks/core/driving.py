@@ -46,7 +46,7 @@ from albot_env.tasks.core.state import (
 from albot_env.tasks.core.task import Task
 from albot_maps import World
 
-_MAPPER_STREAM = 1
+MAPPER_STREAM = 1
 """Number of the random stream of a robot's mapper."""
 _KEPT_OF_BELIEFS = (
     "beliefs",
@@ -167,7 +167,7 @@ class DrivingTask(Task):
         stats.reachable[row] = self._builder.begin(row, world)
         if self._mappers is not None:
             # A separate stream, so that the mapper's draws do not change any other noise.
-            self._mappers.reset(row, np.random.default_rng((key, _MAPPER_STREAM)))
+            self._mappers.reset(row, np.random.default_rng((key, MAPPER_STREAM)))
         else:
             self._state.beliefs[row] = 0
             self._state.ways_home[row, TRAVEL] = 0
@@ -334,6 +334,14 @@ class DrivingTask(Task):
     def dynamic_obstacles(self, row: int) -> Segments:
         """Return the outlines of the moving obstacles around a robot now (world frame)."""
         return self._simulator.obstacles(row)
+
+    @property
+    def obstacle_outlines(self) -> tuple[Segments, Int64[np.ndarray, "robots 2"]]:
+        """The outlines of all moving obstacles now, and each robot's first row and end row of them.
+
+        The next step overwrites them.
+        """
+        return self._simulator.outlines
 
     def room(self, row: int) -> str:
         """Return the name of the room that a robot is truly in; empty between rooms."""

@@ -89,6 +89,8 @@ class TaskInterface(Generic[Robots]):
         of_task["config"] = chosen_config(of_task.get("config"), kind, self.environment)
         self.mapper, self.odometer = mapper, odometer
         """Names of the mapper and of the odometer's preset."""
+        self.mapper_config = equipment.mapper_config
+        """All parameters of the mapper; None without one."""
         self.robot_config = equipment.robot
         """Body and drive of the robots."""
         names = {"odometer": odometer, "laser": laser, "sonar": sonar, "scenes": scenes}

@@ -316,6 +316,10 @@ class ObservationConfig:
         """The length of a flat observation."""
         return sum(math.prod(shape) for shape in self.shapes.values())
 
+    def place_of(self, part: ObservationPart[Any]) -> slice:
+        """Return the place of an observed part in flat observations."""
+        return self._slice_of[part.name][0]
+
     def _check_length(self, flat: Float[np.ndarray, "*observations length"]) -> None:
         if flat.shape[-1] != self._length:
             raise InputError("observation", f"shape ({self._length},)", str(flat.shape[-1:]))

@@ -164,6 +164,14 @@ class Task(ABC):
         """Return the outlines of the moving obstacles around a robot now (world frame)."""
         return np.empty((0, 4))
 
+    @property
+    def obstacle_outlines(self) -> tuple[Segments, Int64[np.ndarray, "robots 2"]]:
+        """The outlines of all moving obstacles now, and each robot's first row and end row of them.
+
+        The outlines are those of `dynamic_obstacles`; the next step overwrites them.
+        """
+        return np.empty((0, 4)), np.zeros((len(self._everyone), 2), np.int64)
+
     def most_steps(self, row: int) -> int | None:
         """Return the number of steps after which a robot's episode ends at the latest, if known."""
         return None

@@ -15,8 +15,10 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool, Float64, Int64, UInt8
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Segments
+from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import COUNT, FROM_ONE
+from albot_core.sensing.reading import Readings
 from albot_env.rendering.frame import Frame
 from albot_env.tasks.core.batch_arguments import (
     choose_mask,
@@ -260,6 +262,37 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         """
         journeys = self._robots.journeys
         return [] if journeys is None else journeys.missing(list(dict.fromkeys(self._worlds)))
+
+    @property
+    def readings(self) -> Readings:
+        """The latest readings of all robots, as their mappers got them; a step overwrites them."""
+        return self._robots.readings
+
+    @property
+    def obstacle_outlines(self) -> tuple[Segments, Int64[np.ndarray, "robots 2"]]:
+        """The true outlines of all moving obstacles (world frame, m), which a step overwrites.
+
+        The rows of the second array are each robot's first row and end row of the first.
+        """
+        return self._robots.obstacle_outlines
+
+    @property
+    def mapper(self) -> tuple[str, Any]:
+        """Name of the robots' mapper, or `none`; and its whole config, None without one."""
+        return self._interface.mapper, self._interface.mapper_config
+
+    def snapshot(self, environment: int) -> MapSnapshot:
+        """Return the map of an environment's robot.
+
+        Raises:
+            InputError: There is no such environment.
+        """
+        return self._robots.snapshot(self._row(environment))
+
+    @property
+    def map_versions(self) -> Int64[np.ndarray, "environments"]:
+        """Number of changes of each robot's map."""
+        return self._robots.map_versions
 
     def close_extras(self, **_: Any) -> None:
         """End the recordings and stop the threads; called by `close`."""

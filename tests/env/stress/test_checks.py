@@ -14,11 +14,13 @@ from albot_env.stress.checks import (
     Limits,
     all_keys,
     check_body,
-    check_boxes,
     check_info,
+    check_inside,
     check_laser,
+    check_movables,
     check_observation,
     check_obstacles,
+    check_readings,
     check_reward,
 )
 from albot_env.stress.geometry import ray_ranges
@@ -126,16 +128,16 @@ def test_a_body_that_touches_a_thing_is_not_in_it():
 def test_a_box_at_a_wall_is_not_in_it():
     box = np.array([[[1.0, 0], [1.5, 0], [1.5, 0.5], [1, 0.5]]])
     shallow, deep = (box - (0, LIMITS.box_overlap + depth) for depth in (-1e-6, 1e-6))
-    assert check_boxes(BOX, box, shallow, LIMITS) == []
-    assert check_boxes(BOX, box[:0], box[:0], LIMITS) == []
-    assert check_boxes(BOX, box, deep, LIMITS) == [
+    assert check_movables("box", BOX, box, shallow, LIMITS) == []
+    assert check_movables("box", BOX, box[:0], box[:0], LIMITS) == []
+    assert check_movables("box", BOX, box, deep, LIMITS) == [
         "box 0 stands 0.060 m deep in wall 0, (0.00, 0.00) to (4.00, 0.00)"
     ]
 
 
 def test_a_box_that_has_gone_through_a_wall():
     box = np.array([[[1.0, 0], [1.5, 0], [1.5, 0.5], [1, 0.5]]])
-    wrong = check_boxes(BOX, box, box - (0, 0.6), LIMITS)
+    wrong = check_movables("box", BOX, box, box - (0, 0.6), LIMITS)
     assert wrong == ["box 0 went through wall 0, (0.00, 0.00) to (4.00, 0.00)"]
 
 
@@ -174,3 +176,24 @@ def test_how_many_may_be_lost_is_the_binomial_distributions():
 def test_limits_are_numbers_from_0(name: str, value: float):
     with pytest.raises(InputError, match=name):
         Limits(**{name: value})
+
+
+def test_a_robot_within_a_box_is_found():
+    """However far it is from the sides."""
+    box = np.array([[[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]])
+    assert check_inside("box", box, np.array((2.0, 1.5))) == [
+        "stands inside box 0, at (2.000, 1.500)"
+    ]
+    assert check_inside("box", box, np.array((4.1, 1.5))) == []
+    assert check_inside("box", box[:0], np.array((2.0, 1.5))) == []
+
+
+def test_a_reading_holds_distances():
+    motion, ranges = np.zeros(3), np.array((1.0, np.inf, 0.0))
+    assert check_readings(motion, ranges, ranges) == []
+    assert check_readings(motion) == []
+    assert check_readings(motion, np.array((1.0, -0.5)), np.array((np.nan,))) == [
+        "beam 1 says -0.5 m", "sonar 0 says nan m",
+    ]  # fmt: skip
+    [wrong] = check_readings(np.array((np.inf, 0.0, 0.0)))
+    assert wrong.startswith("the odometer says [inf")

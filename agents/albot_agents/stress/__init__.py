@@ -1,0 +1,1 @@
+"""Stress runs: agents in many worlds, with checks after every step."""

@@ -1,0 +1,356 @@
+"""Campaigns: which episodes a stress run has, as options say it or a YAML file.
+
+A file is checked against the JSON Schema beside this file, and then by making one environment of
+each combination. All errors are reported at once, with their lines.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib import resources
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import jsonschema
+from jsonschema.exceptions import ValidationError
+
+from albot_agents.registry import EXPLORE, check_agent
+from albot_agents.stress.episodes import Episode, check_episode, world_specs
+from albot_agents.stress.running import Checks
+from albot_agents.task import find_task
+from albot_core.errors import InputError, did_you_mean
+from albot_core.mappers.registry import NO_MAPPER, mapper_config, mapper_spec
+from albot_core.plain_data import Location
+from albot_core.robot import DEFAULT_ROBOT, choose_robot
+from albot_core.yaml_document import YamlDocument, format_value, read_yaml
+from albot_env.faults.registry import faults_text
+from albot_env.sim import ODOMETERS
+from albot_maps import load_world
+from albot_maps.generators.spec import KINDS, PREFIX
+
+NO_FAULTS = "none"
+"""The entry of `faults` that stands for nothing."""
+_SCHEMA = "albot-campaign.schema.json"
+Value = TypeVar("Value")
+
+
+class MapperChoice(NamedTuple):
+    """A mapper with its parameters."""
+
+    name: str
+    """Its name, or `none`."""
+    config: Any = None
+    """Its parameters; None for the defaults."""
+    file: Path | None = None
+    """The YAML file with these parameters."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """All worlds with all agents, mappers, odometers and faults."""
+
+    task: str = EXPLORE
+    """Id of the environment."""
+    worlds: tuple[str, ...] = ("random",)
+    """World specs (see `world_specs`)."""
+    count: int = 100
+    """Worlds of each random spec, or seeds of any other world."""
+    seed: int = 0
+    """The first seed, of worlds and episodes."""
+    steps: int = 300
+    """Length of an episode (control steps)."""
+    agents: tuple[str, ...] = ("gap-explorer", "random")
+    """Names of agents, or files of trained ones."""
+    mappers: tuple[MapperChoice, ...] = (MapperChoice(NO_MAPPER),)
+    """The mappers."""
+    odometers: tuple[str | None, ...] = (None,)
+    """Names of presets; None for the environment's own."""
+    faults: tuple[str | None, ...] = (None,)
+    """Specs of faults; None for nothing."""
+    robot: str | None = None
+    """Name of the robot; None for each agent's own."""
+    movables: bool = True
+    """Whether doors, boxes and people are simulated in worlds that have them."""
+    checks: Checks = Checks()
+    """What is checked how often."""
+
+    def episodes(self) -> list[Episode]:
+        """Return all episodes.
+
+        Raises:
+            InputError: A world's spec or seed is not valid.
+        """
+        kinds = list(self._kinds())
+        return [
+            replace(kind, world=world, seed=self.seed + k)
+            for spec in self.worlds
+            for k, world in enumerate(world_specs(spec, self.count, self.seed))
+            for kind in kinds
+        ]
+
+    def _kinds(self) -> Iterator[Episode]:
+        """Yield an episode of each combination, without its world and seed."""
+        for mapper, agent, odometer, faults in product(
+            self.mappers, self.agents, self.odometers, self.faults
+        ):
+            yield Episode(
+                world="",
+                agent=agent,
+                mapper=mapper.name,
+                mapper_config=mapper.config,
+                mapper_config_file=mapper.file,
+                seed=self.seed,
+                steps=self.steps,
+                task=self.task,
+                robot=self.robot,
+                odometer=odometer,
+                faults=faults,
+                movables=self.movables,
+            )
+
+    def check(self) -> None:
+        """Check that all combinations can be made, and the first and last worlds loaded.
+
+        Raises:
+            InputError: The first that cannot.
+        """
+        for error in self.errors():
+            raise error
+
+    def errors(self, place: Callable[..., str] = lambda *_: "") -> Iterator[InputError]:
+        """Yield what cannot be made.
+
+        Args:
+            place: Returns the place of a key and an index in a file, for errors.
+        """
+        radius = choose_robot(self.robot or DEFAULT_ROBOT, "robot").radius
+        first = ""
+        for k, spec in enumerate(self.worlds):
+            try:
+                specs = world_specs(spec, self.count, self.seed)
+                for world in dict.fromkeys((*specs[: len(KINDS)], specs[-1])):
+                    load_world(world, radius)
+                first = first or specs[0]
+            except InputError as error:
+                yield _placed(error, place("worlds", k))
+        for index, kind in enumerate(self._kinds() if first else ()):
+            try:
+                check_episode(replace(kind, world=first))
+            except InputError as error:
+                agent = index // (len(self.odometers) * len(self.faults)) % len(self.agents)
+                yield _placed(error, place("agents", agent), _combination(kind))
+
+
+def _combination(kind: Episode) -> str:
+    """Return a combination in words."""
+    parts = {"agent": kind.agent, "mapper": kind.mapper, "odometer": kind.odometer}
+    parts["faults"] = kind.faults
+    return ", ".join(f"{name} {value}" for name, value in parts.items() if value is not None)
+
+
+class CampaignError(InputError):
+    """All that is wrong with a campaign's file.
+
+    Args:
+        errors: What is wrong, each in one line.
+    """
+
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.source, first.expected, first.found, place=first.place)
+        self.errors = tuple(errors)
+        """What is wrong."""
+        self.args = ("\n".join(map(str, errors)),)
+
+    def __reduce__(self) -> tuple[type[CampaignError], tuple[Sequence[InputError]]]:
+        """Return what pickling needs."""
+        return CampaignError, (self.errors,)
+
+
+def read_campaign(path: Path) -> Campaign:
+    """Read a campaign's file.
+
+    Raises:
+        CampaignError: It is no such file, or one of its combinations is impossible: all errors,
+            with their lines.
+        InputError: The file cannot be read, or is not YAML.
+    """
+    document = read_yaml(path)
+    data = {} if document.data is None else document.data
+    wrong = [_schema_error(error, document, path) for error in _validator().iter_errors(data)]
+    if wrong:
+        raise CampaignError(sorted(wrong, key=_line))
+    reader = _Reader(document, data, path)
+    campaign = reader.campaign()
+    if not reader.errors:
+        reader.errors += campaign.errors(reader.place)
+    if reader.errors:
+        raise CampaignError(sorted((_in_file(error, path) for error in reader.errors), key=_line))
+    return campaign
+
+
+@cache
+def _validator() -> Any:
+    """Return what checks documents against the schema."""
+    return jsonschema.Draft202012Validator(read_schema())
+
+
+def read_schema() -> dict[str, Any]:
+    """Return the JSON Schema of campaigns."""
+    text = (resources.files(__package__) / _SCHEMA).read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def _schema_error(error: ValidationError, document: YamlDocument, path: Path) -> InputError:
+    """Return what the schema finds as an error that names the line."""
+    at = tuple(error.absolute_path)
+    if error.validator == "additionalProperties":
+        known = sorted(error.schema["properties"])
+        unknown = sorted(set(error.instance) - set(known))
+        where = document.place((*at, unknown[0]))
+        found = ", ".join(f"{key}{did_you_mean(key, known)}" for key in unknown)
+        return InputError(path, f"keys among {', '.join(known)}", found, place=where)
+    expected = {
+        "type": lambda: _TYPES.get(str(error.validator_value), str(error.validator_value)),
+        "minimum": lambda: f"{error.validator_value} or more",
+        "maximum": lambda: f"{error.validator_value} or less",
+        "exclusiveMinimum": lambda: f"more than {error.validator_value}",
+        "minItems": lambda: "one entry or more",
+        "minLength": lambda: "a text that is not empty",
+        "anyOf": lambda: "a name, or a mapping with name and config",
+    }.get(str(error.validator), lambda: error.message)()
+    return InputError(path, expected, format_value(error.instance), place=document.place(at))
+
+
+_TYPES = {
+    "object": "a mapping",
+    "array": "a list",
+    "string": "a text",
+    "integer": "a whole number",
+    "number": "a number",
+    "boolean": "true or false",
+}
+"""What a type of the schema is called in errors."""
+
+
+class _Reader:
+    """Makes a campaign of a document that fits the schema, and collects errors.
+
+    Args:
+        document: The document.
+        data: Its data.
+        path: The file.
+    """
+
+    def __init__(self, document: YamlDocument, data: dict[str, Any], path: Path) -> None:
+        self._document, self._data, self._path = document, data, path
+        self.errors: list[InputError] = []
+        """What is wrong."""
+
+    def place(self, *at: str | int) -> str:
+        """Return the place of a value: its line and key."""
+        return self._document.place(at)
+
+    @contextmanager
+    def _collected(self, *at: str | int) -> Iterator[None]:
+        """Collect an error that is raised in the block, with its place."""
+        try:
+            yield
+        except InputError as error:
+            self.errors.append(_placed(error, self.place(*at)))
+
+    def campaign(self) -> Campaign:
+        """Return the campaign; where there was an error, with the default."""
+        data, given = self._data, dict(self._data)
+        usual = Campaign()
+        with self._collected("task"):
+            given["task"] = find_task(data.get("task", usual.task))
+        if "agents" in data:
+            given["agents"] = self._each("agents", lambda name: self._agent(name, given))
+        if "mappers" in data:
+            given["mappers"] = self._each("mappers", self._mapper)
+        if "odometers" in data:
+            given["odometers"] = self._each("odometers", _check_odometer)
+        if "faults" in data:
+            given["faults"] = self._each("faults", _check_faults)
+        if "worlds" in data:
+            given["worlds"] = self._each("worlds", self._world)
+        if "robot" in data:
+            with self._collected("robot"):
+                choose_robot(data["robot"], "robot")
+        given["checks"] = Checks(**data.get("checks", {}))
+        if self.errors:
+            return usual
+        known = {field.name for field in fields(Campaign)}
+        return Campaign(**{name: value for name, value in given.items() if name in known})
+
+    def _each(self, key: str, read: Callable[[Any], Value]) -> tuple[Value, ...]:
+        """Return the entries of a list, each once."""
+        found: list[Value] = []
+        for k, entry in enumerate(self._data[key]):
+            with self._collected(key, k):
+                value = read(entry)
+                if value in found:
+                    raise InputError(key, "each entry once", f"{format_value(entry)} twice")
+                found.append(value)
+        return tuple(found)
+
+    def _agent(self, name: str, given: dict[str, Any]) -> str:
+        """Return an agent's name, or the path of its file, checked."""
+        beside = self._path.parent / name
+        name = str(beside) if name.endswith(".zip") and beside.exists() else name
+        check_agent(name, given.get("task", EXPLORE))
+        return name
+
+    def _mapper(self, entry: str | dict[str, str]) -> MapperChoice:
+        """Return a mapper with its parameters, checked."""
+        name, file = (entry, None) if isinstance(entry, str) else (entry["name"], entry["config"])
+        if name == NO_MAPPER and file is None:
+            return MapperChoice(NO_MAPPER)
+        spec = mapper_spec(name)
+        if file is None:
+            return MapperChoice(name)
+        path = self._path.parent / file
+        document = read_yaml(path)
+        where = Location(path, place=document.place)
+        return MapperChoice(name, mapper_config(spec, document.data, where), path)
+
+    def _world(self, spec: str) -> str:
+        """Return a world's spec; a file is looked for beside the campaign's."""
+        beside = self._path.parent / spec
+        return str(beside) if not spec.startswith(PREFIX[:-1]) and beside.is_file() else spec
+
+
+def _check_odometer(name: str) -> str:
+    if name not in ODOMETERS:
+        found = f"{name}{did_you_mean(name, ODOMETERS)}"
+        raise InputError("odometer", f"one of {', '.join(ODOMETERS)}", found)
+    return name
+
+
+def _check_faults(spec: str) -> str | None:
+    return None if spec == NO_FAULTS else faults_text(spec)
+
+
+def _placed(error: InputError, place: str, what: str = "") -> InputError:
+    """Return an error whose source is a part of a campaign, at a place in its file."""
+    inner = ", ".join(part for part in (what, error.source, error.place) if part)
+    return InputError(place or inner, error.expected, error.found, place=inner if place else "")
+
+
+def _in_file(error: InputError, path: Path) -> InputError:
+    """Return an error with the file before its place."""
+    place = ", ".join(part for part in (error.source, error.place) if part)
+    return InputError(path, error.expected, error.found, place=place)
+
+
+def _line(error: InputError) -> int:
+    """Return the line that an error names; 0 for none."""
+    words = error.place.removeprefix("line ").split(",")[0]
+    return int(words) if words.isdecimal() else 0
