@@ -25,14 +25,16 @@ AGENTS = (
     "onward-follower", "onward-round-trip", "oracle", "patch-homing", "path-integration",
     "place-judge", "place-recognition", "random", "ratslam-explorer", "ratslam-homing",
     "round-trip",
+    "sahabot-homing",
 )  # fmt: skip
 ODOMETERS = (
     "ideal", "pioneer", "poor", "carpet", "stage", "albot1-disturbed", "bias-1.5", "bias-3",
     "bias-6",
 )  # fmt: skip
-LASERS = ("ideal", "lms-200", "lms-200-fine", "long", "short")
+LASERS = ("ideal", "lms-200", "lms-200-fine", "panoramic", "long", "short")
 SONARS = ("ideal", "pioneer", "poor")
 SCENES = ("ideal", "paper", "ambiguous")
+COMPASSES = ("ideal", "polarised", "clouded")
 ROBOTS = ("pioneer-3dx", "kobuki", "peoplebot")
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """Kinds of random worlds."""
@@ -125,4 +127,5 @@ benchmark_odometers = complete(lambda: BENCHMARK_ODOMETERS)
 laser_names = complete(lambda: (*LASERS, NONE))
 sonar_names = complete(lambda: (*SONARS, NONE))
 scene_names = complete(lambda: (*SCENES, NONE))
+compass_names = complete(lambda: (*COMPASSES, NONE))
 robot_names = complete(lambda: ROBOTS)

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".mcap"
 """Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
-PRESETS = ("robot", "laser", "odometer", "sonar", "scenes")
+PRESETS = ("robot", "laser", "odometer", "sonar", "scenes", "compass")
 """Options that select the robot or a sensor by name, named like the environment's arguments."""
 RUN_ONLY = (
     "world",
@@ -108,6 +108,11 @@ SPEED = 10.0
     "--scenes",
     shell_complete=completion.scene_names,
     help=f"{completion.listed(completion.SCENES, 'none')}.  [default: the agent's own, or none]",
+)
+@click.option(
+    "--compass",
+    shell_complete=completion.compass_names,
+    help=f"{completion.listed(completion.COMPASSES, 'none')}.  [default: the agent's own, or none]",
 )
 @click.option(
     "--outward",
