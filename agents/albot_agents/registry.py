@@ -30,6 +30,7 @@ from albot_agents.scripted.homing import (
 )
 from albot_agents.scripted.patch_homing import PatchHoming
 from albot_agents.scripted.place_judge import DecisionStump, PlaceJudge
+from albot_agents.scripted.sahabot_homing import SahabotHoming
 from albot_agents.scripted.trained_round_trip import TrainedRoundTrip
 from albot_agents.task import config_kind, is_probe, untwinned
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
@@ -280,6 +281,14 @@ AGENTS = {
         make=RoundTripAgent,
         uses=(*_BY_WAY, "time_left"),
         tasks=(ROUND_TRIP,),
+    ),
+    SahabotHoming.name: AgentEntry(
+        summary="Comes home as the desert ant: home vector, then landmarks, then search.",
+        make=SahabotHoming,
+        uses=_BY_WAY,
+        tasks=(HOMING, BY_MAP),
+        mapper="sahabot",
+        sensors={"laser": "panoramic", "compass": "polarised"},
     ),
 }
 """The scripted agents by name, in alphabetical order."""

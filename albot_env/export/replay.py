@@ -188,7 +188,7 @@ def _check_moment(then: Moment, now: Moment, source: object, step: int) -> None:
     for name in _FIELDS:
         _check_same(name, getattr(then, name), getattr(now, name), source, place)
     recorded, made = then.reading, now.reading
-    for name in ("stamp", "motion", "scene"):
+    for name in ("stamp", "motion", "scene", "compass"):
         _check_same(name, getattr(recorded, name), getattr(made, name), source, place)
     for name in ("laser", "sonar"):
         ours, theirs = getattr(recorded, name), getattr(made, name)

@@ -9,7 +9,9 @@ from typing import Any
 
 from albot_env.recording.episode import EpisodeHeader
 
-OPTIONS = ("world", "mapper", "robot", "laser", "odometer", "sonar", "scenes", "faults")
+OPTIONS = (
+    "world", "mapper", "robot", "laser", "odometer", "sonar", "scenes", "compass", "faults",
+)  # fmt: skip
 """Settings that are options of `albot play` by the same name, if they are texts."""
 FILES = {"config": "config.yml", "mapper_config": "mapper.yml"}
 """Settings that `albot play` takes from a file, and the name that the file gets."""

@@ -99,6 +99,7 @@ def log_of_moments(name: str, header: EpisodeHeader, moments: Iterable[Moment]) 
     """
     stamps: list[float] = []
     scenes: list[int] = []
+    compasses: list[float | None] = []
     odometry: list[Pose] = []
     poses: list[Pose] = []
     ranges: list[Ranges] = []
@@ -110,6 +111,7 @@ def log_of_moments(name: str, header: EpisodeHeader, moments: Iterable[Moment]) 
         stamps.append(reading.stamp)
         poses.append(moment.pose)
         scenes.append(-1 if reading.scene is None else reading.scene)
+        compasses.append(reading.compass)
         if reading.laser is not None:
             ranges.append(reading.laser.ranges)
         if reading.sonar is not None:
@@ -125,5 +127,6 @@ def log_of_moments(name: str, header: EpisodeHeader, moments: Iterable[Moment]) 
         sonar=header.sonar,
         echoes=None if header.sonar is None else np.stack(echoes),
         scenes=np.array(scenes) if max(scenes) >= 0 else None,
+        compasses=None if None in compasses else np.array(compasses, np.float64),
         reference=np.stack(poses),
     )

@@ -15,7 +15,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of, transform
 from albot_env.recording.layers import map_messages
 
-FORMAT = 6
+FORMAT = 7
 """Version of the project's own message formats."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
@@ -90,6 +90,7 @@ def _step(moment: Moment) -> dict[str, Any]:
         "motion": moment.reading.motion.tolist(),
         "echoes": None if moment.reading.sonar is None else _echoes(moment.reading.sonar),
         "scene": moment.reading.scene,
+        "compass": moment.reading.compass,
         "pose": moment.pose.tolist(),
         "collided": moment.collided,
         "room": moment.room,

@@ -51,6 +51,7 @@ _STEP = dict.fromkeys(("action", *_POSES), Any) | {
     "terms": dict[str, float],
     "echoes": list[float | None] | None,
     "scene": int | None,
+    "compass": float | None,
     "collided": bool,
     "room": str,
     "path_length": float,
@@ -137,6 +138,7 @@ class EpisodeReader:
             laser=scan,
             sonar=self._sonar(step["echoes"], where.at("echoes")),
             scene=step["scene"],
+            compass=step["compass"],
         )
         return Moment(
             action=action,

@@ -165,7 +165,7 @@ LASER_GEOMETRY = _strict(
 )
 EPISODE_HEADER = _strict(
     "albot.EpisodeHeader",
-    format={"const": 6, "description": "Version of the albot messages."},
+    format={"const": 7, "description": "Version of the albot messages."},
     environment=STRING,
     world=STRING,
     walls=_list(_numbers(4)),
@@ -196,6 +196,10 @@ STEP = _strict(
         "description": "Ranges of the sonars (m), null where nothing came back; or no sonars.",
     },
     scene={"type": ["integer", "null"], "description": "The visual scene, null where none."},
+    compass={
+        "type": ["number", "null"],
+        "description": "Heading by the compass (rad), null without one.",
+    },
     pose=_numbers(3) | {"description": "Where the robot truly is, world frame."},
     collided=BOOLEAN,
     room=STRING,

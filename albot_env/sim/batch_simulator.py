@@ -80,6 +80,7 @@ class SimulatorState(NamedTuple):
 _KEPT_OF_ROBOTS = ("targets", "wheels", "counts", "states", "poses", "touched")
 _KEPT_OF_SENSORS = (
     "keys", "readings", "motions", "true_ranges", "ranges", "echoes", "scenes", "cameras",
+    "compasses",
 )  # fmt: skip
 """The arrays in a state. The others hold indices and ids, which differ between simulators."""
 
@@ -189,6 +190,11 @@ class BatchSimulator:
     def readings_taken(self) -> Int64[np.ndarray, "robots"]:
         """Number of readings that each robot has taken since it was placed."""
         return self._sensors.outputs.readings
+
+    @property
+    def compasses(self) -> Float64[np.ndarray, "robots"]:
+        """Headings by the compasses at the last sensing (rad); 0 without compasses."""
+        return self._sensors.outputs.compasses
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:

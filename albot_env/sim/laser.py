@@ -51,21 +51,25 @@ LMS_200 = LaserConfig()
 """The laser of the papers."""
 
 _FINE = LaserGeometry(beams=361, spacing=np.pi / 360)
+_ALL_ROUND = LaserGeometry(beams=360, first_bearing=-np.pi)
 
 LASERS: Mapping[str, LaserConfig] = MappingProxyType(
     {
         "ideal": LaserConfig(range_noise=0.0, dropout=0.0),
         "lms-200": LMS_200,
         "lms-200-fine": LaserConfig(geometry=_FINE),
+        "panoramic": LaserConfig(geometry=_ALL_ROUND),
         "long": LaserConfig(geometry=LaserGeometry(max_range=80.0)),
         "short": LaserConfig(geometry=LaserGeometry(max_range=8.0), range_noise=0.005),
     }
 )
-"""Lasers by name. All have a field of view of 180° ahead.
+"""Lasers by name. All but one have a field of view of 180° ahead.
 
 `ideal`: 181 beams, 30 m, no error.
 
 `lms-200`: 181 beams at 1°, 30 m; `lms-200-fine`: 361 at 0.5°.
+
+`panoramic`: 360 beams at 1° all round, for Sahabot 2's panoramic camera.
 
 `long`: 80 m, the maximum range of a SICK LMS-200 (Hossain's thesis, section 3.2). The 30 m
 of the others is the range at which it still sees dark walls.

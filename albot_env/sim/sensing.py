@@ -1,8 +1,8 @@
-"""Sensing: odometer, laser, sonar and camera readings of many robots.
+"""Sensing: odometer, laser, sonar, camera and compass readings of many robots.
 
 Each reading uses fixed counters for its random numbers, whatever the ranges are. The odometer's
-come first, then one per beam. The sonars' and the camera's start at SONAR_COUNTER and
-CAMERA_COUNTER.
+come first, then one per beam. The sonars', the camera's and the compass's start at SONAR_COUNTER,
+CAMERA_COUNTER and COMPASS_COUNTER.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from albot_core.kernels.compiled import kernel
 from albot_core.robot import RobotConfig
 from albot_core.sensing.reading import Readings
 from albot_env.sim.chipmunk import RobotArrays
+from albot_env.sim.compass import NO_COMPASS, CompassConstants, read_compass
 from albot_env.sim.laser import beam_geometry, laser_wall_index
 from albot_env.sim.noise import normal_table
 from albot_env.sim.obstacle_tables import ObstacleTables
@@ -45,8 +46,8 @@ from albot_env.sim.wall_index import Locator
 from albot_env.sim.world_cache import WorldCache
 from albot_maps.world import World
 
-SONAR_COUNTER, CAMERA_COUNTER = 2**40, 2**41
-"""First counters of the sonars' and of the camera's random numbers."""
+SONAR_COUNTER, CAMERA_COUNTER, COMPASS_COUNTER = 2**40, 2**41, 2**42
+"""First counters of the sonars', the camera's and the compass's random numbers."""
 
 
 class SensorSuite:
@@ -69,6 +70,7 @@ class SensorSuite:
             dropout=laser.dropout_threshold,
             sonars=NO_SONARS if sonar is None else sonar.constants,
             scenes=np.empty((0, len(SceneConstants._fields))),
+            compass=NO_COMPASS if sensors.compass is None else sensors.compass.constants,
         )
         self.outputs = SensorOutputs(
             keys=np.zeros(count, np.uint64),
@@ -82,6 +84,7 @@ class SensorSuite:
             echoes=np.full((count, len(self._constants.sonars.mounts)), np.inf),
             scenes=np.full(count, -1),
             cameras=np.zeros((count, 0 if sensors.scenes is None else CAMERA_STATE), np.int64),
+            compasses=np.zeros(count),
         )
         """The latest sensor outputs."""
         self._laser_index = laser_wall_index(laser.geometry)
@@ -115,6 +118,7 @@ class SensorSuite:
             sonar=None if sensors.sonar is None else sensors.sonar.geometry,
             echoes=None if sensors.sonar is None else outputs.echoes,
             scenes=None if sensors.scenes is None else outputs.scenes,
+            compasses=None if sensors.compass is None else outputs.compasses,
         )
 
     def locate(self, rows: Int64[np.ndarray, "some"]) -> None:
@@ -178,6 +182,8 @@ class SensorConstants(NamedTuple):
     scenes: np.ndarray
     """(buildings, fields) float64: the fields of `SceneConstants` for each building; empty if the
     robots have no cameras."""
+    compass: CompassConstants
+    """The compass."""
 
 
 class SensedWorld(NamedTuple):
@@ -222,6 +228,8 @@ class SensorOutputs(NamedTuple):
     """(n,) int64: scenes recognised by the cameras; -1 for none."""
     cameras: np.ndarray
     """(n, CAMERA_STATE) int64: states of the cameras; (n, 0) without cameras."""
+    compasses: np.ndarray
+    """(n,) float64: headings by the compasses (rad); 0 without compasses."""
 
 
 @KernelDispatcher
@@ -280,6 +288,11 @@ def _sense_all(
             camera = outputs.cameras[i]
             outputs.scenes[i] = recognise_scene(
                 x, y, heading, scenes, key, counter, reading, camera
+            )
+
+        if constants.compass.is_carried:
+            outputs.compasses[i] = read_compass(
+                poses[i, 2], constants.compass, key, COMPASS_COUNTER, reading
             )
 
 

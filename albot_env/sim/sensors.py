@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.sensing.reading import LaserGeometry, Sensor, SonarGeometry
+from albot_env.sim.compass import COMPASSES, CompassConfig
 from albot_env.sim.laser import LASERS, LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SCENES, SceneConfig
@@ -31,6 +32,8 @@ class Sensors:
     """Positions and errors of the sonars; None without sonars."""
     scenes: SceneConfig | None = None
     """Scene numbering and errors of the camera; None without a camera."""
+    compass: CompassConfig | None = None
+    """Errors of the compass; None without a compass."""
 
     @property
     def ground_laser(self) -> LaserConfig:
@@ -58,6 +61,8 @@ class Sensors:
             sensors.add("sonar")
         if self.scenes is not None:
             sensors.add("scene")
+        if self.compass is not None:
+            sensors.add("compass")
         return frozenset(sensors)
 
 
@@ -67,6 +72,7 @@ def choose_sensors(
     odometer: str = "pioneer",
     sonar: str = "pioneer",
     scenes: str = NONE,
+    compass: str = NONE,
     source: str = "sensors",
 ) -> Sensors:
     """Return the sensors with these names.
@@ -76,6 +82,7 @@ def choose_sensors(
         odometer: One of `ODOMETERS`.
         sonar: One of `SONARS`, or `none`.
         scenes: One of `SCENES`, or `none`.
+        compass: One of `COMPASSES`, or `none`.
         source: Name of the caller, for the error message.
 
     Raises:
@@ -86,6 +93,7 @@ def choose_sensors(
         odometer=_chosen(ODOMETERS, odometer, source, "odometer"),
         sonar=None if sonar == NONE else _chosen(SONARS, sonar, source, "sonar", NONE),
         scenes=None if scenes == NONE else _chosen(SCENES, scenes, source, "scenes", NONE),
+        compass=None if compass == NONE else _chosen(COMPASSES, compass, source, "compass", NONE),
     )
 
 

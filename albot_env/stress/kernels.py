@@ -139,16 +139,14 @@ def find_suspects(
             suspect[i] = True
         if suspect[i]:
             continue
-        suspect[i] = _body_is_suspect(
+        suspect[i] = _body_is_suspect(i, surroundings, motion, tolerances) or _movables_are_suspect(
             i, surroundings, motion, tolerances
-        ) or _movables_are_suspect(i, surroundings, motion, tolerances)
+        )
         if truthful[i] and not suspect[i]:
             at = turn + i
             suspect[i] = _scan_is_suspect(
                 i, at, stride, surroundings, motion, scans, tolerances, near
-            ) or _echoes_are_suspect(
-                i, at, stride, surroundings, motion, echoes, tolerances, near
-            )
+            ) or _echoes_are_suspect(i, at, stride, surroundings, motion, echoes, tolerances, near)
 
 
 @kernel()

@@ -36,7 +36,9 @@ def check_places(graph: PlaceGraph) -> list[str]:
     and the home can be entered from another one.
     """
     ids = [node.id for node in graph.nodes]
-    wrong = [f"the place {id_} is there twice" for id_ in sorted({k for k in ids if ids.count(k) > 1})]
+    wrong = [
+        f"the place {id_} is there twice" for id_ in sorted({k for k in ids if ids.count(k) > 1})
+    ]
     known = set(ids)
     for name, place in (("current", graph.current), ("home", graph.home)):
         if place is not None and place not in known:

@@ -15,6 +15,7 @@ from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import make_mapper, make_mappers, mapper_spec
 from albot_core.sensing.reading import Reading, Readings
 from albot_core.sensing.view import CORNER
+from albot_env.sim.compass import COMPASSES, CompassConfig
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_experiments.tours import TourRecord, guided_tour
 from albot_maps import load_world
@@ -165,22 +166,25 @@ def _batch_turn(name: str, readings: Sequence[Readings]) -> Callable[[], int]:
 
 
 def _readings_for(name: str, readings: Sequence[Reading] | None) -> Sequence[Reading]:
-    """Return the readings, by default the tour's; none if they lack sonars the mapper needs."""
-    needs_sonars = "sonar" in mapper_spec(name).sensors
+    """Return the readings, by default the tour's; none if they lack a sensor the mapper needs."""
+    needed = mapper_spec(name).sensors
     if readings is None:
-        return tour_readings(has_sonars=needs_sonars)
-    return [] if needs_sonars and readings[0].sonar is None else readings
+        return tour_readings(has_sonars="sonar" in needed, has_compass="compass" in needed)
+    lacks_sonars = "sonar" in needed and readings[0].sonar is None
+    lacks_compass = "compass" in needed and readings[0].compass is None
+    return [] if lacks_sonars or lacks_compass else readings
 
 
-def tour_readings(*, has_sonars: bool = False) -> list[Reading]:
+def tour_readings(*, has_sonars: bool = False, has_compass: bool = False) -> list[Reading]:
     """Return the readings, about 140, of a robot guided round `office-ring`."""
-    return list(_tour(SONARS["ideal"] if has_sonars else None).readings)
+    sonar = SONARS["ideal"] if has_sonars else None
+    return list(_tour(sonar, COMPASSES["polarised"] if has_compass else None).readings)
 
 
-def _tour(sonar: SonarConfig | None = None) -> TourRecord:
+def _tour(sonar: SonarConfig | None = None, compass: CompassConfig | None = None) -> TourRecord:
     world = load_world("office-ring")
     tour, rng = world.tours["single-loop"], np.random.default_rng(0)
-    return guided_tour(world, tour, rng, sonar=sonar)
+    return guided_tour(world, tour, rng, sonar=sonar, compass=compass)
 
 
 def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
@@ -249,6 +253,7 @@ def _shared(readings: Sequence[Reading], count: int) -> list[Readings]:
             ranges=np.tile(scan.ranges, (count, 1)),
             sonar=None if reading.sonar is None else reading.sonar.geometry,
             echoes=None if reading.sonar is None else np.tile(reading.sonar.ranges, (count, 1)),
+            compasses=None if reading.compass is None else np.full(count, reading.compass),
         )
         for reading, scan in zip(readings[:_BATCH_STEPS], lasers, strict=False)
         if scan.geometry == laser

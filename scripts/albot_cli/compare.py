@@ -95,6 +95,11 @@ _WRITING = {"out", "html", "figure", "dpi", "force", "as_json"}
     help="Camera of the exploring robot.  [default: none]",
 )
 @click.option(
+    "--compass",
+    shell_complete=completion.compass_names,
+    help="Compass of the exploring robot.  [default: none]",
+)
+@click.option(
     "--odometer",
     shell_complete=completion.odometer_names,
     help="Odometer of the exploring robot.  [default: pioneer]",

@@ -25,14 +25,16 @@ AGENTS = (
     "onward-follower", "onward-round-trip", "oracle", "patch-homing", "path-integration",
     "place-judge", "place-recognition", "random", "ratslam-explorer", "ratslam-homing",
     "round-trip",
+    "sahabot-homing",
 )  # fmt: skip
 ODOMETERS = (
     "ideal", "pioneer", "poor", "carpet", "stage", "albot1-disturbed", "bias-1.5", "bias-3",
     "bias-6",
 )  # fmt: skip
-LASERS = ("ideal", "lms-200", "lms-200-fine", "long", "short")
+LASERS = ("ideal", "lms-200", "lms-200-fine", "panoramic", "long", "short")
 SONARS = ("ideal", "pioneer", "poor")
 SCENES = ("ideal", "paper", "ambiguous")
+COMPASSES = ("ideal", "polarised", "clouded")
 ROBOTS = ("pioneer-3dx", "kobuki", "peoplebot")
 FAULTS = (
     "laser-dropout", "stuck-beams", "blind-sector", "frozen-scan", "saturated-sonars",
@@ -130,5 +132,6 @@ benchmark_odometers = complete(lambda: BENCHMARK_ODOMETERS)
 laser_names = complete(lambda: (*LASERS, NONE))
 sonar_names = complete(lambda: (*SONARS, NONE))
 scene_names = complete(lambda: (*SCENES, NONE))
+compass_names = complete(lambda: (*COMPASSES, NONE))
 robot_names = complete(lambda: ROBOTS)
 fault_names = complete(lambda: FAULTS)

@@ -32,7 +32,8 @@ class Exploration:
     steps: int
     """Number of steps of 0.1 s."""
     sensors: Mapping[str, str]
-    """Presets by name of the setting (`laser`, `sonar`, `scenes`, `odometer`, `robot`)."""
+    """Presets by name of the setting (`laser`, `sonar`, `scenes`, `compass`, `odometer`,
+    `robot`)."""
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """Make its environment.

@@ -21,7 +21,7 @@ EVERY = "all"
 """Name that stands for no mapper and all that are installed."""
 _WORLD, _SEED, _STEPS = "random:office:900", 900, 1000
 """The readings on which costs are measured: an office of the validation seeds, explored."""
-_AGENT, _ODOMETER, _SCENES = "gap-explorer", "pioneer", "paper"
+_AGENT, _ODOMETER, _SCENES, _COMPASS = "gap-explorer", "pioneer", "paper", "polarised"
 
 
 def rows_of_mappers(
@@ -112,7 +112,7 @@ def measure_costs(folder: ResultsFolder, mappers: Sequence[str]) -> bool:
     missing = [name for name in dict.fromkeys(mappers) if name not in (NO_MAPPER, *known)]
     if not missing:
         return False
-    sensors = {"odometer": _ODOMETER, "scenes": _SCENES}
+    sensors = {"odometer": _ODOMETER, "scenes": _SCENES, "compass": _COMPASS}
     way = Exploration(world=_WORLD, seed=_SEED, agent=_AGENT, steps=_STEPS, sensors=sensors)
     try:
         readings = list(explore(way).readings)

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".mcap"
 """Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
-PRESETS = ("robot", "laser", "odometer", "sonar", "scenes", "faults")
+PRESETS = ("robot", "laser", "odometer", "sonar", "scenes", "compass", "faults")
 """Options that select the robot, a sensor or faults by name, named like the environment's
 arguments."""
 RUN_ONLY = (
@@ -112,6 +112,11 @@ SPEED = 10.0
     help=f"{completion.listed(completion.SCENES, 'none')}.  [default: the agent's own, or none]",
 )
 @faults_option
+@click.option(
+    "--compass",
+    shell_complete=completion.compass_names,
+    help=f"{completion.listed(completion.COMPASSES, 'none')}.  [default: the agent's own, or none]",
+)
 @click.option(
     "--outward",
     metavar="A..B",

@@ -98,8 +98,9 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
             yield f"{agent} at {short_name(task)}", partial(_run_agent, agent, task)
     yield "doors, boxes and people", partial(_run_batch, "Albot/Explore-v0", world=MOVABLE)
     for mapper in (NO_MAPPER, *installed_mappers()):
-        has_camera = mapper != NO_MAPPER and "scene" in MAPPERS[mapper].sensors
-        seen = {"scenes": "ambiguous"} if has_camera else {}
+        needed = frozenset() if mapper == NO_MAPPER else MAPPERS[mapper].sensors
+        seen = {"scenes": "ambiguous"} if "scene" in needed else {}
+        seen |= {"compass": "clouded"} if "compass" in needed else {}
         yield f"{mapper} in a batch", partial(_run_batch, mapper=mapper, **seen)
         if mapper != NO_MAPPER and "laser" in MAPPERS[mapper].sensors:
             yield mapper, partial(precompile, mapper)

@@ -219,6 +219,24 @@ EXPERIMENTS = {
             needs_data=True,
         ),
         Experiment(
+            id="sahabot-1",
+            title="Sahabot 2's path integration by compass over 255 m (thesis, figure 2.12c)",
+            seeds=20,
+            module="albot_experiments.sahabot_1",
+        ),
+        Experiment(
+            id="sahabot-2",
+            title="Sahabot 2's home vectors by 4 and by 27 landmarks (thesis, figure 2.13)",
+            seeds=20,
+            module="albot_experiments.sahabot_2",
+        ),
+        Experiment(
+            id="ants",
+            title="The desert ant's approximate integration and its search (thesis, figure 2.11)",
+            seeds=100,
+            module="albot_experiments.ants",
+        ),
+        Experiment(
             id="probe-triangle-completion",
             title="Path integration: home after two legs over an open floor (Loomis et al. 1993)",
             seeds=54,

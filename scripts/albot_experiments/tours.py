@@ -17,6 +17,7 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.planning.leading import LED, Driving
 from albot_core.sensing.reading import Reading
+from albot_env.sim.compass import CompassConfig
 from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SceneConfig
@@ -54,8 +55,9 @@ def guided_tour(
     laser: LaserConfig = LMS_200,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
+    compass: CompassConfig | None = None,
 ) -> TourRecord:
-    """Guide a robot, with sonars if any are given, through the waypoints; return the journey.
+    """Guide a robot, with sonars and compass if given, through the waypoints; return the journey.
 
     The guide knows the robot's true pose, so the odometer's errors do not change the path. Every
     leg begins with a turn towards its end; the turn and the way are cut into equal steps.
@@ -63,7 +65,7 @@ def guided_tour(
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
-    sensors = Sensors(laser=laser, odometer=odometer, sonar=sonar)
+    sensors = Sensors(laser=laser, odometer=odometer, sonar=sonar, compass=compass)
     simulator = Simulator(world, sensors=sensors)
     go_to = partial(follow_leg, simulator, steps=steps)
     return lead(simulator, world, waypoints, rng, go_to)
@@ -130,10 +132,10 @@ def driven_tour(
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
     simulator = Simulator(world, sensors=Sensors(odometer=odometer, sonar=sonar, scenes=scenes))
-    return lead(simulator, world, waypoints, rng, partial(_drive_to, simulator, driving=driving))
+    return lead(simulator, world, waypoints, rng, partial(drive_to, simulator, driving=driving))
 
 
-def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Iterator[Reading]:
+def drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Iterator[Reading]:
     """Drive to the waypoint; yield one reading for each control step."""
     while (command := driving.command_towards(waypoint, simulator.pose)) is not None:
         yield simulator.step(*command.tolist())

@@ -46,6 +46,7 @@ OTHER_SENSORS = {
     "sonar": "poor",
     "odometer": "carpet",
     "scenes": "ambiguous",
+    "compass": "clouded",
 }
 KEPT = {"journeys": 2}
 """Number of outward journeys, or tours, that robots share; single environments make a new one each

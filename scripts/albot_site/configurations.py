@@ -10,6 +10,7 @@ from albot_cli.config import parameter_rows
 from albot_core.config_document import field_docs
 from albot_core.mappers.registry import MAPPERS, mapper_config
 from albot_core.robot import ROBOTS
+from albot_env.sim.compass import COMPASSES
 from albot_env.sim.laser import LASERS
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
@@ -84,9 +85,9 @@ def _mappers() -> str:
 def _equipment() -> str:
     parts = [
         "# Robots and sensors\n",
-        "The settings `robot`, `laser`, `sonar`, `odometer` and `scenes` of the environments, by "
-        "their names. A table shows the defaults of a configuration, and below it what each name "
-        "changes.\n",
+        "The settings `robot`, `laser`, `sonar`, `odometer`, `scenes` and `compass` of the "
+        "environments, by their names. A table shows the defaults of a configuration, and below it "
+        "what each name changes.\n",
     ]
     kinds: dict[str, Mapping[str, Any]] = {
         "robot": ROBOTS,
@@ -94,6 +95,7 @@ def _equipment() -> str:
         "sonar": SONARS,
         "odometer": ODOMETERS,
         "scenes": SCENES,
+        "compass": COMPASSES,
     }
     for setting, presets in kinds.items():
         default = type(next(iter(presets.values())))()

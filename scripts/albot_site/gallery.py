@@ -67,8 +67,9 @@ def shots() -> Iterator[Shot]:
         command = f"albot play {name} --headless --steps {_STEPS.get(name, 3000)}"
         yield Shot(group="Tasks", name=name, text=f"`{task}`", command=command)
     for spec in MAPPERS.values():
-        camera = " --scenes paper" if "scene" in spec.sensors else ""
-        command = f"albot play explore --mapper {spec.name} --headless --steps 600{camera}"
+        extra = " --scenes paper" if "scene" in spec.sensors else ""
+        extra += " --compass polarised" if "compass" in spec.sensors else ""
+        command = f"albot play explore --mapper {spec.name} --headless --steps 600{extra}"
         yield Shot(group="Mappers", name=spec.name, text=spec.summary, command=command)
     for agent in agent_names():
         entry = find_agent(agent)

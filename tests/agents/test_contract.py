@@ -149,6 +149,7 @@ def test_the_agents_are_these() -> None:
         "ratslam-explorer",
         "ratslam-homing",
         "round-trip",
+        "sahabot-homing",
     )
 
 

@@ -18,6 +18,7 @@ from albot_cli.group import albot
 from albot_core.mappers.registry import MAPPERS
 from albot_core.robot import ROBOTS
 from albot_env.faults.registry import FAULTS
+from albot_env.sim.compass import COMPASSES
 from albot_env.sim.laser import LASERS
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
@@ -28,7 +29,7 @@ from albot_maps.generators.spec import KINDS
 
 TASKS = [name for task in task_names() for name in (short_name(task), task)]
 WORLDS = [*catalogue_names(), *(f"random:{kind}" for kind in KINDS)]
-SENSORS = {"--laser": LASERS, "--sonar": SONARS, "--scenes": SCENES}
+SENSORS = {"--laser": LASERS, "--sonar": SONARS, "--scenes": SCENES, "--compass": COMPASSES}
 WITH_NONE: tuple[str, ...] = ()
 """Stands for all mappers, and none."""
 SLOW = ("numba", "pymunk", "matplotlib", "pygame", "torch", "scipy", "shapely")

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 import albot_env
-from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
+from albot_env.sim import COMPASSES, LASERS, ODOMETERS, SCENES, SONARS
 from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
 from albot_env.tasks.homing_by_map.task import HomingByMapConfig
@@ -63,6 +63,7 @@ SENSORS = {
     "sonar": ["none", *SONARS],
     "odometer": list(ODOMETERS),
     "scenes": list(SCENES),
+    "compass": list(COMPASSES),
 }
 """The names of all sensors."""
 UNKNOWN = [

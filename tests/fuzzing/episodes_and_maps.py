@@ -77,6 +77,7 @@ def _readings(count: int) -> list[Reading]:
             laser=scan_from(np.array((0.25 * k, 0.1 * k, 0.15 * k)), ROOM, laser),
             sonar=SonarScan(ranges=np.full(8, 2.0), geometry=sonar),
             scene=k % 3,
+            compass=0.15 * k,
         )
         for k in range(count)
     ]

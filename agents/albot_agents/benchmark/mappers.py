@@ -31,8 +31,8 @@ AGENTS: Mapping[str, str] = {BY_MAP: "map-homing", EXPLORE: "gap-explorer", PLAC
 """The tasks in which mappers are compared, and the agent in each."""
 WORLDS = "offices"
 """Kind of worlds of the table of mappers."""
-_SCENES = "paper"
-"""Scene sensor of robots whose mapper needs one."""
+_NEEDED = {"scene": {"scenes": "paper"}, "compass": {"compass": "polarised"}}
+"""The setting for each sensor that robots carry only if their mapper needs it."""
 _SEED = 0
 """Seed of the bootstrap."""
 
@@ -68,8 +68,13 @@ class MapperRow:
 
 def sensors_for(mapper: str) -> dict[str, str]:
     """Return the sensors that a mapper needs besides the usual ones, by name of the setting."""
-    needs = mapper != NO_MAPPER and "scene" in mapper_spec(mapper).sensors
-    return {"scenes": _SCENES} if needs else {}
+    needed = frozenset() if mapper == NO_MAPPER else mapper_spec(mapper).sensors
+    return {
+        name: preset
+        for sensor, setting in _NEEDED.items()
+        if sensor in needed
+        for name, preset in setting.items()
+    }
 
 
 def suits(entry: AgentEntry, mapper: str) -> bool:
@@ -84,10 +89,11 @@ def suits(entry: AgentEntry, mapper: str) -> bool:
         None if name == NO_MAPPER else mapper_spec(name) for name in (entry.mapper, mapper)
     )
     try:
-        found = seen.fitted(seen.laser, seen.sonar, other)
+        found = seen.fitted(seen.laser, seen.sonar, other, has_compass=seen.has_compass)
     except InputError:  # The mapper cannot give one of its parts.
         return False
-    return found.shapes == seen.fitted(seen.laser, seen.sonar, own).shapes
+    before = seen.fitted(seen.laser, seen.sonar, own, has_compass=seen.has_compass)
+    return found.shapes == before.shapes
 
 
 def mapper_rows(

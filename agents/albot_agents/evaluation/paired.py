@@ -24,8 +24,8 @@ from albot_env.tasks.core.observation import ObservationConfig
 _SEED = 0
 """Seed of the bootstrap."""
 _OWN_SETTINGS = (
-    "mapper", "mapper_config", "odometer", "laser", "sonar", "scenes", "action", "observation",
-    "threads", "config",
+    "mapper", "mapper_config", "odometer", "laser", "sonar", "scenes", "compass", "action",
+    "observation", "threads", "config",
 )  # fmt: skip
 """Settings in which agents may differ; `config` in `_OWN_CONFIG`."""
 _OWN_CONFIG = ("actions", "claims", "hints", "observations", "weights")
@@ -200,7 +200,8 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
     words += ["--world", trial.world, "--seed", str(trial.seed)]
     if not isinstance(settings.get("robot", ""), str):
         return ""
-    for name in ("robot", "mapper", "odometer", "laser", "sonar", "scenes", "faults"):
+    names = ("robot", "mapper", "odometer", "laser", "sonar", "scenes", "compass", "faults")
+    for name in names:
         if name in settings:
             words += [f"--{name}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)

@@ -99,9 +99,7 @@ class _Shrinker:
         episode = replace(violation.episode, steps=step)
         if episode != violation.episode and self._violation_of(episode) is not None:
             violation = replace(violation, episode=episode)
-        return Shrunk(
-            original=self._task.violation, violation=violation, tried=len(self._seen) - 1
-        )
+        return Shrunk(original=self._task.violation, violation=violation, tried=len(self._seen) - 1)
 
     def _is_late(self) -> bool:
         return time.monotonic() > self._until

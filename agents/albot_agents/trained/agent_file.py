@@ -31,7 +31,7 @@ LARGEST_LOG_STD = 20.0
 """Largest absolute logarithm of a standard deviation."""
 
 KEPT_SETTINGS = (
-    "robot", "mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config",
+    "robot", "mapper", "mapper_config", "laser", "sonar", "scenes", "compass", "action", "config",
 )  # fmt: skip
 """Settings of the environment that determine observations and actions; see `KEPT_CONFIG`."""
 KEPT_CONFIG = ("observations", "actions", "claims", "hints", "tour")
@@ -156,7 +156,7 @@ class AgentFile:
             return
         spec = None if mapper == NO_MAPPER else mapper_spec(mapper)
         try:
-            seen.fitted(seen.laser, seen.sonar, spec)
+            seen.fitted(seen.laser, seen.sonar, spec, has_compass=seen.has_compass)
         except InputError as error:
             expected = "one that shows what the agent saw in its training"
             raise InputError("mapper", expected, f"{mapper} ({error})") from None

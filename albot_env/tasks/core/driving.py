@@ -107,7 +107,9 @@ class DrivingTask(Task):
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
         spec = None if mappers is None else mappers.spec
         observations = revealed(observations, reveal=equipment.reveal)
-        observations = observations.fitted(*sensors.geometries, spec)
+        observations = observations.fitted(
+            *sensors.geometries, spec, has_compass=sensors.compass is not None
+        )
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
@@ -136,6 +138,7 @@ class DrivingTask(Task):
             true_ranges=self._simulator.true_ranges,
             ranges=self._simulator.ranges,
             echoes=self._simulator.echoes,
+            compasses=self._simulator.compasses,
             time_left=np.full(robots, np.inf),
             starts=np.zeros((robots, 3)),
             true_homes=np.zeros((robots, 3)),

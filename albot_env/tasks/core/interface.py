@@ -31,7 +31,8 @@ class TaskInterface(Generic[Robots]):
         task: The task's class.
         robots: Number of robots.
         threads: Threads that share the work; None for one per processor.
-        mapper, odometer, laser, sonar, scenes, observation, action, movables, reveal, faults,
+        mapper, odometer, laser, sonar, scenes, compass, observation, action, movables, reveal,
+            faults,
             robot: See `CommonSettings`.
         of_task: The task's own settings, which are the keywords of its class.
 
@@ -51,6 +52,7 @@ class TaskInterface(Generic[Robots]):
         laser: str = "lms-200",
         sonar: str = "pioneer",
         scenes: str = "none",
+        compass: str = "none",
         observation: str = "flat",
         action: str = "continuous",
         movables: bool = True,
@@ -74,6 +76,7 @@ class TaskInterface(Generic[Robots]):
             laser=laser,
             sonar=sonar,
             scenes=scenes,
+            compass=compass,
             movables=movables,
             reveal=reveal,
             faults=faults,
@@ -94,6 +97,7 @@ class TaskInterface(Generic[Robots]):
         self.robot_config = equipment.robot
         """Body and drive of the robots."""
         names = {"odometer": odometer, "laser": laser, "sonar": sonar, "scenes": scenes}
+        names["compass"] = compass
         self._identity = {"mapper": mapper, "mapper_config": equipment.mapper_config, **names}
         own = {"movables": movables, "reveal": reveal, "robot": equipment.robot, "journeys": 0}
         self._identity |= own | of_task

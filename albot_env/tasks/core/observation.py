@@ -92,6 +92,8 @@ class ObservationConfig:
     """Range shown as -1, like no return (m)."""
     sonar: SonarGeometry | None = field(default_factory=SonarGeometry)
     """Geometry of the sonars; None on a robot without sonars."""
+    has_compass: bool = False
+    """Whether the robot has a compass; without one it has none of the part `compass`."""
     sonar_range: float = 4.0
     """Range of an echo shown as -1, like no echo (m)."""
     laser_knee: float = 0.5
@@ -154,6 +156,8 @@ class ObservationConfig:
         laser: LaserGeometry | None,
         sonar: SonarGeometry | None,
         mapper: MapperSpec | None,
+        *,
+        has_compass: bool = False,
     ) -> ObservationConfig:
         """Return the same configuration for a robot with these sensors and this mapper.
 
@@ -168,7 +172,7 @@ class ObservationConfig:
                 name = "none" if mapper is None else mapper.name
                 expected = f"parts that the mapper {name} can give: it {lacking}"
                 raise InputError("ObservationConfig.parts", expected, part)
-        return replace(self, laser=laser, sonar=sonar, map_patch=patch)
+        return replace(self, laser=laser, sonar=sonar, has_compass=has_compass, map_patch=patch)
 
     @cached_property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -176,6 +180,7 @@ class ObservationConfig:
         sizes = Sizes(
             beams=0 if self.laser is None else self.laser_sectors or self.laser.beams,
             sonars=0 if self.sonar is None else len(self.sonar.bearings),
+            compasses=int(self.has_compass),
             patch=self.coverage.patch_cells,
             map_layers=len(self.map_patch.sides) * len(self.map_patch.channels or CHANNELS),
             map_cells=self.map_patch.cells,

@@ -52,9 +52,11 @@ from albot_env.tasks.core.parts.matches import MATCHES, fill_matches
 from albot_env.tasks.core.parts.part import GraphScratch, ObservationPart, Sources
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, fill_place_graph
 from albot_env.tasks.core.parts.sensors import (
+    COMPASS,
     LASER,
     MOTION,
     SONAR,
+    fill_compass,
     fill_laser,
     fill_motion,
     fill_sonar,
@@ -70,8 +72,8 @@ from albot_env.tasks.core.wayfinding_kernels import (
 )
 
 PARTS: tuple[ObservationPart[Any], ...] = (
-    LASER, SONAR, MOTION, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT, COVERAGE,
-    FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
+    LASER, SONAR, MOTION, COMPASS, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT,
+    COVERAGE, FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
     MATCHES, TRUE_HOME, TRUE_PATCH,
 )  # fmt: skip
 """All parts, in their order in the flat observation."""
@@ -146,6 +148,8 @@ def _fill_sensed(i: int, layout: Any, sources: Sources, row: np.ndarray) -> None
         fill_sonar(i, sources, row[layout.sonar :])
     if layout.motion >= 0:
         fill_motion(i, sources, row[layout.motion :])
+    if layout.compass >= 0:
+        fill_compass(i, sources, row[layout.compass :])
 
 
 @kernel()

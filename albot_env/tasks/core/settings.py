@@ -91,6 +91,9 @@ class CommonSettings(TypedDict, total=False):
     scenes: str
     """Name of the camera's preset (`SCENES`), or `none` (default). Mappers receive its scenes;
     observations do not contain them."""
+    compass: str
+    """Name of the compass's preset (`COMPASSES`), or `none` (default). Mappers receive its heading;
+    observations contain it on request: the part `compass`."""
     observation: str
     """`flat` (default) or `dict`."""
     action: str
@@ -255,6 +258,7 @@ def equip(
     laser: str,
     sonar: str,
     scenes: str,
+    compass: str,
     movables: bool,
     reveal: bool,
     faults: Any,
@@ -276,7 +280,12 @@ def equip(
         raise InputError("reveal", "True or False", repr(reveal))
     robot_config = choose_robot(robot, environment)
     sensors = choose_sensors(
-        laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
+        laser=laser,
+        odometer=odometer,
+        sonar=sonar,
+        scenes=scenes,
+        compass=compass,
+        source="sensors",
     )
     if mapper == NO_MAPPER:
         if mapper_config is not None:

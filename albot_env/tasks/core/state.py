@@ -40,6 +40,8 @@ class BatchState(NamedTuple):
     """(n, beams) float64: ranges of the lasers (m)."""
     echoes: np.ndarray
     """(n, sonars) float64: ranges of the sonars (m)."""
+    compasses: np.ndarray
+    """(n,) float64: headings by the compasses (rad); 0 without compasses."""
     time_left: np.ndarray
     """(n,) float64: remaining time (s); infinite in tasks without a time budget."""
     starts: np.ndarray
@@ -63,6 +65,7 @@ def true_state(state: BatchState) -> BatchState:
         state.true_ranges,
         state.ranges,
         state.echoes,
+        state.compasses,
         state.time_left,
         state.starts,
         state.true_homes,

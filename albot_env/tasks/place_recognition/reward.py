@@ -70,6 +70,8 @@ class TourTable(NamedTuple):
     """(n, arrivals, beams) float64: laser ranges (m)."""
     echoes: np.ndarray
     """(n, arrivals, sonars) float64: sonar ranges (m)."""
+    compasses: np.ndarray
+    """(n, arrivals) float64: headings by the compass (rad); 0 without a compass."""
 
 
 class AnswerStats(NamedTuple):
@@ -174,6 +176,7 @@ def _show_arrival(
     state.beliefs[i] = tours.beliefs[i, here]
     state.ranges[i] = tours.ranges[i, here]
     state.echoes[i] = tours.echoes[i, here]
+    state.compasses[i] = tours.compasses[i, here]
     belief = state.beliefs[i]
     turn = math.cos(belief[2]), math.sin(belief[2])
     locate_home(belief, turn, state.homes_in_map[i], state.homes_in_robot[i])

@@ -104,6 +104,7 @@ class PlaceRecognitionTask(Task):
                 true_ranges=np.full((robots, beams), np.inf),
                 ranges=np.full((robots, beams), np.inf),
                 echoes=np.full((robots, sonars), np.inf),
+                compasses=np.zeros(robots),
                 time_left=np.full(robots, np.inf),
                 starts=np.zeros((robots, 3)),
                 true_homes=np.zeros((robots, 3)),
@@ -126,6 +127,7 @@ class PlaceRecognitionTask(Task):
             collided=np.zeros((robots, most + 1), np.bool_),
             ranges=np.zeros((robots, most + 1, beams)),
             echoes=np.zeros((robots, most + 1, sonars)),
+            compasses=np.zeros((robots, most + 1)),
         )
         self._answers = AnswerStats(
             answers=np.zeros(robots, np.int64),
@@ -245,6 +247,7 @@ class PlaceRecognitionTask(Task):
             sonar=sonar,
             echoes=None if sonar is None else state.echoes,
             scenes=None if self._sensors.scenes is None else np.full(len(state.poses), -1),
+            compasses=None if self._sensors.compass is None else state.compasses,
         )
 
     @property

@@ -97,6 +97,7 @@ class Tour:
         stops, beliefs = self.stops, np.array([stop.belief for stop in self.stops])
         poses = np.array([stop.pose for stop in stops])
         sonars = [stop.reading.sonar for stop in stops]
+        compasses = [stop.reading.compass for stop in stops]
         return {
             "observations": np.array(
                 [arrivals_observation(stop.candidates, self.most) for stop in stops]
@@ -110,6 +111,7 @@ class Tour:
             "collided": np.array([stop.collided for stop in stops]),
             "ranges": np.array([stop.reading.required_laser("a tour").ranges for stop in stops]),
             "echoes": np.array([() if sonar is None else sonar.ranges for sonar in sonars], float),
+            "compasses": np.array([0.0 if heading is None else heading for heading in compasses]),
         }
 
 

@@ -86,6 +86,8 @@ class Log:
     """The sonars' ranges at every scan (m); None in a log without sonars."""
     scenes: Int64[np.ndarray, "scans"] | None = None
     """The visual scene at every scan, -1 for none; None in a log without a camera."""
+    compasses: Float64[np.ndarray, "scans"] | None = None
+    """The heading by the compass at every scan (rad); None in a log without a compass."""
     reference: Poses | None = None
     """The robot's corrected pose at every scan, where the log holds one."""
     unread: Unread | None = None
@@ -130,7 +132,14 @@ class Log:
         if self.scenes is not None and self.scenes[scan] >= 0:
             scene = int(self.scenes[scan])
         stamp = float(self.times[scan])
-        return Reading(stamp=stamp, motion=motion, laser=laser, sonar=sonar, scene=scene)
+        return Reading(
+            stamp=stamp,
+            motion=motion,
+            laser=laser,
+            sonar=sonar,
+            scene=scene,
+            compass=None if self.compasses is None else float(self.compasses[scan]),
+        )
 
     def with_scans(self, scans: Bool[np.ndarray, "scans"] | Int64[np.ndarray, "some"]) -> Log:
         """Return the log with only some of its scans: their numbers, in order, or a mask."""
@@ -145,6 +154,7 @@ class Log:
             ranges=thinned(self.ranges),
             echoes=thinned(self.echoes),
             scenes=thinned(self.scenes),
+            compasses=thinned(self.compasses),
             reference=thinned(self.reference),
         )
 
@@ -160,6 +170,7 @@ class Log:
             "laser": self.ranges,
             "sonar": self.sonar,
             "scene": self.scenes,
+            "compass": self.compasses,
         }
         return frozenset(sensor for sensor, recorded in held.items() if recorded is not None)
 

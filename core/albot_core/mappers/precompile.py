@@ -27,6 +27,7 @@ def precompile(mapper: str) -> None:
         ranges=np.full((1, laser.beams), 5.0),
         sonar=sonar,
         echoes=np.full((1, len(sonar.bearings)), 2.0),
+        compasses=np.zeros(1),
     )
     for _ in range(2):
         mappers.update(np.zeros(1, np.int64), readings)

@@ -29,6 +29,7 @@ _GRISETTI = "Grisetti, Stachniss and Burgard, Improved techniques for grid mappi
 _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IEEE ITS 2010"
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
 _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
+_LAMBRINOS = "Lambrinos and others, A mobile robot employing insect strategies, RAS 2000"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 _ARRAYS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "poses": (np.float64, (3,)),
@@ -214,6 +215,24 @@ MAPPERS: dict[str, MapperSpec] = {
             has_matches=True,
             factory="albot_core.mappers.ratslam.mapper:RatSlam",
             config="albot_core.mappers.ratslam.config:RatSlamConfig.scenes",
+        ),
+        MapperSpec(
+            name="sahabot",
+            summary="Sahabot 2: an ant's home vector by compass, and the nest by its landmarks.",
+            paper=_LAMBRINOS,
+            sensors=frozenset({"laser", "compass"}),
+            layers=("place_graph",),
+            factory="albot_core.mappers.sahabot.mapper:Sahabot",
+            config="albot_core.mappers.sahabot.config:SahabotConfig",
+        ),
+        MapperSpec(
+            name="sahabot-wheels",
+            summary="`sahabot` without its compass: the wheels alone tell the heading.",
+            paper=_LAMBRINOS,
+            sensors=_LASER,
+            layers=("place_graph",),
+            factory="albot_core.mappers.sahabot.mapper:Sahabot",
+            config="albot_core.mappers.sahabot.config:SahabotConfig.wheels",
         ),
         MapperSpec(
             name="scan-matching",

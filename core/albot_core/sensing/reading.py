@@ -14,7 +14,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, Range, are_numbers, check_fields
 
-Sensor = Literal["laser", "sonar", "scene"]
+Sensor = Literal["laser", "sonar", "scene", "compass"]
 """The sensors that a reading can hold besides odometry."""
 
 _BEAMS = Range("a whole number from 2", 2.0, whole=True)
@@ -171,11 +171,15 @@ class Reading:
     """The sonar ranges at this step; None without sonars."""
     scene: int | None = None
     """Number of the visible scene; None for no scene or without a camera."""
+    compass: float | None = None
+    """Heading by the compass (rad), from a direction that stays the same; None without one."""
 
     def __post_init__(self) -> None:
         _check_array("Reading.motion", self.motion, 3, "numbers: x, y (m), heading (rad)")
         if not np.isfinite(self.motion).all():
             raise InputError("Reading.motion", "three finite numbers", str(self.motion))
+        if self.compass is not None and not math.isfinite(self.compass):
+            raise InputError("Reading.compass", "a finite heading", str(self.compass))
 
     def required_laser(self, by: str) -> LaserScan:
         """Return the laser scan.
@@ -203,6 +207,19 @@ class Reading:
             raise InputError("Reading.sonar", f"sonar ranges, which {by} needs", "none")
         return self.sonar
 
+    def required_compass(self, by: str) -> float:
+        """Return the heading by the compass (rad).
+
+        Args:
+            by: Name of what needs it, for the error.
+
+        Raises:
+            InputError: The robot has no compass.
+        """
+        if self.compass is None:
+            raise InputError("Reading.compass", f"a compass, which {by} needs", "none")
+        return self.compass
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
@@ -222,6 +239,8 @@ class Readings:
     """Sonar ranges (m); see `SonarScan.ranges`. None without sonars."""
     scenes: Int64[np.ndarray, "robots"] | None = None
     """Numbers of the visible scenes, -1 for none; None without cameras."""
+    compasses: Float64[np.ndarray, "robots"] | None = None
+    """Headings by the compasses (rad); see `Reading.compass`. None without compasses."""
 
     def __getitem__(self, row: int) -> Reading:
         """Return a copy of one robot's reading."""
@@ -238,4 +257,5 @@ class Readings:
             laser=laser,
             sonar=sonar,
             scene=scene,
+            compass=None if self.compasses is None else float(self.compasses[row]),
         )

@@ -73,6 +73,7 @@ def _equipped(mapper: str) -> dict[str, str]:
         "mapper": mapper,
         "laser": "lms-200" if "laser" in needs else "none",
         "scenes": "paper" if "scene" in needs else "none",
+        "compass": "clouded" if "compass" in needs else "none",
     }
 
 
@@ -91,6 +92,7 @@ def test_all_mappers_meet_the_same_homing_episode(mapper: str) -> None:
         *({"laser": name} for name in LASERS),
         {"sonar": "none"},
         {"scenes": "paper", "mapper": "ratslam-scenes"},
+        {"compass": "clouded"},
     ],
     ids=str,
 )

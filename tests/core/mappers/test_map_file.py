@@ -28,6 +28,7 @@ def readings(count: int, seed: int = 0) -> list[Reading]:
             motion=rng.normal((0.3, 0, 0), (0.1, 0.02, 0.2)),
             laser=LaserScan(ranges=walls[k], geometry=LASER),
             sonar=SonarScan(ranges=walls[k, : len(SONAR.bearings)], geometry=SONAR),
+            compass=0.2 * np.sin(k),
         )
         for k in range(count)
     ]

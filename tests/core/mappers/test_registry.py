@@ -45,6 +45,8 @@ OURS = (
     "ratslam",
     "ratslam-paper",
     "ratslam-scenes",
+    "sahabot",
+    "sahabot-wheels",
     "scan-matching",
 )
 

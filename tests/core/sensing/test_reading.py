@@ -13,6 +13,7 @@ from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
     Reading,
+    Readings,
     SonarGeometry,
     SonarScan,
 )
@@ -84,3 +85,24 @@ IMPOSSIBLE: list[dict[str, object]] = [
 def test_impossible_geometry_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         LaserGeometry(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("heading", [np.nan, np.inf])
+def test_a_compass_shows_a_finite_heading(heading: float) -> None:
+    with pytest.raises(InputError, match=r"Reading.compass: expected a finite heading"):
+        Reading(stamp=0.0, motion=np.zeros(3), compass=heading)
+
+
+def test_who_needs_a_compass_is_told_that_there_is_none() -> None:
+    reading = Reading(stamp=0.0, motion=np.zeros(3), compass=0.5)
+    assert reading.required_compass("a test") == 0.5
+    with pytest.raises(InputError, match=r"a compass, which a test needs, found none"):
+        Reading(stamp=0.0, motion=np.zeros(3)).required_compass("a test")
+
+
+def test_each_robot_has_its_own_compass() -> None:
+    readings = Readings(
+        stamps=np.zeros(2), motions=np.zeros((2, 3)), compasses=np.array((0.25, -3.0))
+    )
+    assert [readings[row].compass for row in range(2)] == [0.25, -3.0]
+    assert Readings(stamps=np.zeros(2), motions=np.zeros((2, 3)))[0].compass is None

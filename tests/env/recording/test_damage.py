@@ -126,7 +126,7 @@ def _sonar(**changes: object) -> dict[str, object]:
 
 def _header(**changes: object) -> bytes:
     header = {
-        "format": 6,
+        "format": 7,
         "environment": "Albot/Explore-v0",
         "world": "w",
         "walls": [[0, 0, 1, 0]],

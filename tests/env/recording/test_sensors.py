@@ -20,6 +20,7 @@ from albot_core.sensing.reading import (
     SonarScan,
 )
 from albot_env.recording.episode import EpisodeHeader, Moment
+from albot_env.recording.log import read_episode_log
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 
@@ -88,6 +89,24 @@ def test_echoes_and_scenes_come_back_to_the_last_bit(tmp_path: Path) -> None:
     assert second.sonar.ranges.tolist() == [np.inf, np.inf]
     assert first.sonar.geometry == SONAR
     assert (first.scene, second.scene) == (7, None)
+
+
+@pytest.mark.parametrize("headings", [(0.1 + 0.2, -3.1), (None, None)])
+def test_the_compass_comes_back_to_the_last_bit_and_stands_in_the_log(
+    tmp_path: Path, headings: tuple[float | None, float | None]
+) -> None:
+    moments = [
+        dataclasses.replace(each, reading=dataclasses.replace(each.reading, compass=heading))
+        for each, heading in zip(
+            (moment(0.1 * k, [1.0, 2.0], None) for k in range(2)), headings, strict=True
+        )
+    ]
+    reader = write(tmp_path / "a.mcap", HEADER, moments)
+    assert tuple(each.reading.compass for each in reader.moments()) == headings
+    log = read_episode_log(tmp_path / "a.mcap")
+    assert tuple(reading.compass for reading in log.readings) == headings
+    assert ("compass" in log.sensors) == (None not in headings)
+    assert log.with_scans(np.array((1,))).readings[0].compass == headings[1]
 
 
 def test_a_robot_without_sonars_has_none_in_its_file(tmp_path: Path) -> None:

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_env.sim import PIONEER_3DX, SCENES, SONARS, Sensors
+from albot_env.sim import COMPASSES, PIONEER_3DX, SCENES, SONARS, Sensors
 from albot_env.sim import physics as physics_module
 from albot_env.sim import world_cache as register_module
 from albot_env.sim.batch_simulator import BatchSimulator
 from albot_env.sim.thread_pool import ThreadPool
 from albot_maps import World, load_world
 
-SENSORS = Sensors(sonar=SONARS["pioneer"], scenes=SCENES["paper"])
+SENSORS = Sensors(sonar=SONARS["pioneer"], scenes=SCENES["paper"], compass=COMPASSES["clouded"])
 WORLDS = [load_world(f"random:ring:{seed}") for seed in range(6)]
 
 
@@ -27,7 +27,8 @@ def senses(batch: BatchSimulator, row: int, world: World, key: int) -> list[byte
         batch.drive(np.tile((0.3, 0.4), (len(batch.poses), 1)), 2)
         batch.locate()
         batch.sense()
-        parts = batch.poses, batch.motions, batch.ranges, batch.echoes, batch.scenes
+        measured = batch.ranges, batch.echoes, batch.scenes, batch.compasses
+        parts = batch.poses, batch.motions, *measured
         seen.append(b"".join(part[row].tobytes() for part in parts))
     return seen
 
@@ -51,7 +52,7 @@ def test_worlds_that_come_and_go_change_nothing(kept: str, request) -> None:
             assert senses(batch, 0, world, turn) == senses(alone, 0, world, turn), number
 
 
-@pytest.mark.parametrize("without", ["sonar", "scenes"])
+@pytest.mark.parametrize("without", ["sonar", "scenes", "compass"])
 def test_a_sensor_changes_no_bit_of_another_one(without: str) -> None:
     """Each draws its noise at counters of its own."""
     fewer = dataclasses.replace(SENSORS, **{without: None})
@@ -59,7 +60,7 @@ def test_a_sensor_changes_no_bit_of_another_one(without: str) -> None:
     for sensors in (SENSORS, fewer):
         batch = BatchSimulator(1, robot=PIONEER_3DX, sensors=sensors)
         senses(batch, 0, WORLDS[0], 3)
-        parts = {"sonar": batch.echoes, "scenes": batch.scenes}
+        parts = {"sonar": batch.echoes, "scenes": batch.scenes, "compass": batch.compasses}
         others = batch.motions, batch.ranges, *(parts[name] for name in parts if name != without)
         readings.append([part.tobytes() for part in others])
     assert readings[0] == readings[1]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_env.sim.compass import COMPASSES
 from albot_env.sim.laser import LASERS, RayCaster
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SCENES
@@ -34,7 +35,13 @@ def test_the_default_robot_has_laser_odometer_and_sonars() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "presets"),
-    [("laser", LASERS), ("odometer", ODOMETERS), ("sonar", SONARS), ("scenes", SCENES)],
+    [
+        ("laser", LASERS),
+        ("odometer", ODOMETERS),
+        ("sonar", SONARS),
+        ("scenes", SCENES),
+        ("compass", COMPASSES),
+    ],
 )
 def test_every_preset_can_be_chosen(kind: str, presets) -> None:
     for name, config in presets.items():
@@ -52,7 +59,16 @@ def test_an_unknown_name_is_answered_with_those_there_are() -> None:
         choose_sensors(laser="x")
 
 
-@pytest.mark.parametrize("name", LASERS)
+def test_the_panoramic_laser_looks_all_round_once() -> None:
+    geometry = LASERS["panoramic"].geometry
+    assert np.diff(geometry.bearings) == pytest.approx(np.radians(1.0))
+    assert np.ptp(geometry.bearings) == pytest.approx(np.radians(359.0))
+    walls = np.array([[x, -9.0, x, 9.0] for x in (2.0, -3.0)])
+    ranges = RayCaster(walls, geometry, indexed=False).scan(np.zeros(3))
+    assert ranges[[0, 90, 180]] == pytest.approx((3.0, np.inf, 2.0))
+
+
+@pytest.mark.parametrize("name", [name for name in LASERS if name != "panoramic"])
 def test_every_laser_looks_a_half_turn_ahead_and_as_far_as_it_says(name: str) -> None:
     geometry = LASERS[name].geometry
     assert geometry.bearings[[0, -1]] == pytest.approx((-np.pi / 2, np.pi / 2))
@@ -67,3 +83,4 @@ def test_what_the_robot_carries_is_told() -> None:
     assert choose_sensors().available == {"laser", "sonar"}
     assert choose_sensors(laser="none", sonar="none").available == set()
     assert choose_sensors(sonar="none", scenes="ambiguous").available == {"laser", "scene"}
+    assert choose_sensors(sonar="none", compass="ideal").available == {"laser", "compass"}

@@ -54,9 +54,11 @@ def test_every_mapper_gives_its_channels_alone_as_in_a_batch(two_rooms: World, m
     if mapper not in ("none", *installed_mappers()):
         pytest.skip(f"{mapper} needs an extra that is not installed")
     settings = {"mapper": mapper, "config": config_for(mapper), "observation": "dict"}
-    scenes = {"scenes": "paper"} if mapper in ("ratslam-paper", "ratslam-scenes") else {}
-    env = ExploreEnv(two_rooms, **settings, **scenes)
-    batch = ExploreVectorEnv(2, two_rooms, threads=2, **settings, **scenes)
+    needed = frozenset() if mapper == "none" else mapper_spec(mapper).sensors
+    settings |= {"scenes": "paper"} if "scene" in needed else {}
+    settings |= {"compass": "polarised"} if "compass" in needed else {}
+    env = ExploreEnv(two_rooms, **settings)
+    batch = ExploreVectorEnv(2, two_rooms, threads=2, **settings)
     seen = drive(env, 40)
     rows, _ = batch.reset(seed=[5, 6], options={"start": 0})
     rng = np.random.default_rng(5)

@@ -113,6 +113,7 @@ def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
         "odometer": "carpet",
         "sonar": "poor",
         "scenes": "paper",
+        "compass": "clouded",
     }
     batch = _vector(environment, **options)
     singles = _singles(environment, AutoresetMode.NEXT_STEP, **options)

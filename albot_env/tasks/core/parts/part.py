@@ -38,6 +38,8 @@ class Sizes(NamedTuple):
     """Number of ranges that are shown of the laser; 0 on a robot without one."""
     sonars: int
     """Number of sonars."""
+    compasses: int
+    """1 on a robot with a compass, 0 on one without."""
     patch: int
     """Number of cells along a side of the patch of covered ground."""
     map_layers: int

@@ -1,6 +1,8 @@
-"""The parts that come from the latest reading: laser, sonar and odometer."""
+"""The parts that come from the latest reading: laser, sonar, odometer and compass."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from jaxtyping import Float
@@ -106,3 +108,27 @@ def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarr
     for i in range(3):
         share = motion[i] / (length if i < 2 else turn)
         row[i] = min(max(share, -1.0), 1.0)
+
+
+# Compass
+
+
+def _decode_compass(numbers: Numbers, _: Scales) -> float:
+    """Return the heading by the compass (rad)."""
+    return math.atan2(float(numbers[1]), float(numbers[0]))
+
+
+COMPASS = ObservationPart(
+    name="compass",
+    numbers="2",
+    meaning="on request: the heading by the compass",
+    shape=lambda sizes: (2 * sizes.compasses,),
+    decode=_decode_compass,
+)
+
+
+@kernel()
+def fill_compass(i: int, sources: Sources, row: np.ndarray) -> None:
+    """Fill in the heading by robot i's compass."""
+    heading = sources.state.compasses[i]
+    row[0], row[1] = math.cos(heading), math.sin(heading)
