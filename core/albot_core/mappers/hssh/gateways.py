@@ -432,7 +432,11 @@ def continuations(gateways: Segments, straight: float) -> tuple[int, ...]:
         for j in range(i + 1, count):
             x, y = (middles[j] - middles[i]).tolist()
             ahead = math.atan2(y, x)
-            bends = (outward[i] - ahead - math.pi, outward[j] - ahead, outward[i] - outward[j] - math.pi)
+            bends = (
+                outward[i] - ahead - math.pi,
+                outward[j] - ahead,
+                outward[i] - outward[j] - math.pi,
+            )
             bend = max(abs(math.remainder(each, 2 * math.pi)) for each in bends)
             if bend <= straight:
                 pairs.append((bend, i, j))
