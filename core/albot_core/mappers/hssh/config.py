@@ -18,7 +18,7 @@ _LIMIT = Range("a positive number or infinity", 0.0, beyond=True, infinite=True)
 class PlaceConfig:
     """How a visit is compared with a known place, and when. All values are ours."""
 
-    search: float = 0.5
+    search: float = 0.8
     """Distance driven from one search for gateways to the next (m)."""
     beyond: float = 0.3
     """Distance behind a gateway at which the robot has left the place (m)."""
@@ -26,7 +26,7 @@ class PlaceConfig:
     """Largest distance between a gateway and the same one as found again (m)."""
     gateway_error: float = 0.5
     """Root mean square distance of the ends of matched gateways, at most (m)."""
-    surface_error: float = 0.3
+    surface_error: float = 0.2
     """Largest distance between a point on a wall and the same wall on another visit (m)."""
     overlap: float = 0.7
     """Smallest share of the points on walls that must be found again: the paper's match of the
@@ -56,7 +56,7 @@ class HsshConfig:
     """Matching of a scan with the latest ones: localisation in the local perceptual map."""
     grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.1, reach=8.0))
     """The cells of the local perceptual map."""
-    half: float = 10.0
+    half: float = 8.0
     """Half the side of the square around the robot that the local perceptual map covers (m)."""
     gateways: GatewayConfig = field(default_factory=GatewayConfig)
     """What counts as a gateway."""

@@ -1,7 +1,7 @@
 """Gateways: where the ground narrows between a place and what lies around it.
 
-A gateway lies on the Voronoi skeleton where the distance to the nearest wall has a local minimum; it
-runs from wall to wall (Beeson et al. 2010, section 5; Hossain 2014, section 2.3.3). In a corridor
+A gateway lies on the Voronoi skeleton where the distance to the nearest wall has a local minimum;
+it runs from wall to wall (Beeson et al. 2010, section 5; Hossain 2014, section 2.3.3). In a corridor
 the distance does not change, so its gateway lies where the corridor begins, seen from the junction.
 """
 
@@ -13,12 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int8, Int32, Int64
-from scipy import ndimage
 
 from albot_core.geometry.types import Points, Segments
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.hssh.skeleton import skeleton_of
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.mappers.hssh.skeleton import distances, skeleton_of
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 UNKNOWN, FREE, WALL = np.int8(0), np.int8(1), np.int8(2)
 """States of a cell of the local map."""
@@ -43,15 +42,17 @@ class GatewayConfig:
     """Smallest length of known ground behind a gateway of which no other end is known (m)."""
     apart: float = 1.0
     """Distance along the skeleton below which the two gateways of one narrow are one (m)."""
+    island: float = 1.5
+    """Largest extent of what stands alone on free ground and is no wall: furniture (m). 0 makes
+    gateways between furniture and walls, too."""
     straight: float = math.radians(35.0)
     """Largest angle between two gateways, and between each and the line from one to the other, at
     which they continue one another (rad)."""
 
     def __post_init__(self) -> None:
         check_fields(self, _RATIO, "ratio")
-        check_fields(
-            self, POSITIVE, "narrowest", "widest", "flat", "arm", "apart", "straight"
-        )  # fmt: skip
+        check_fields(self, POSITIVE, "narrowest", "widest", "flat", "arm", "apart", "straight")
+        check_fields(self, NOT_NEGATIVE, "island")
 
 
 class Ground(NamedTuple):
@@ -87,103 +88,173 @@ def find_gateways(ground: Ground, config: GatewayConfig) -> Narrows:
     if not free.any():
         empty = np.empty((0, 4)), np.zeros(free.shape, np.float32), np.empty((0, 2), np.int32)
         return Narrows(gateways=empty[0], clearance=empty[1], skeleton=empty[2])
-    clearance = ndimage.distance_transform_edt(free).astype(np.float32)
+    clearance = distances(free)
     skeleton = skeleton_of(clearance)
-    starts = [0, *skeleton.ends[:-1].tolist()]
-    narrows: list[tuple[float, list[float]]] = []
-    for start, end, tips in zip(starts, skeleton.ends.tolist(), skeleton.nodes, strict=True):
-        cells = skeleton.cells[start:end]
-        heights = clearance[cells[:, 0], cells[:, 1]].astype(np.float64) * ground.cell
-        steps = np.hypot(*np.diff(cells, axis=0).T) * ground.cell
-        along = np.concatenate(((0.0,), np.cumsum(steps)))
-        for k in constrictions(heights, along, (tips[0] == 1, tips[1] == 1), config):
-            row, column = cells[k].tolist()
-            line = np.array(line_across(ground.states, clearance, row, column))
-            if line[0] < 0:
-                continue
-            ends = ground.centres(line.reshape(2, 2)).ravel().tolist()
-            width = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
-            # A wall's cell reaches half a cell into the gap at either end.
-            if config.narrowest <= width and width <= config.widest + ground.cell:
-                narrows.append((width, ends))
+    lines = find_constrictions(
+        ground.states,
+        clearance,
+        skeleton.cells,
+        skeleton.ends,
+        skeleton.nodes,
+        config.ratio,
+        (config.flat / ground.cell, config.arm / ground.cell, config.apart / ground.cell),
+    )
+    ends = ground.centres(lines.reshape(-1, 2)).reshape(-1, 4)
+    widths = np.hypot(*(ends[:, 2:] - ends[:, :2]).T)
+    # A wall's cell reaches half a cell into the gap at either end.
+    fits = (widths >= config.narrowest) & (widths <= config.widest + ground.cell)
     kept: list[list[float]] = []
-    for _, ends in sorted(narrows):
-        if not any(_is_same(ends, other, config.apart) for other in kept):
-            kept.append(ends)
+    for k in np.argsort(widths, kind="stable").tolist():
+        line = ends[k].tolist()
+        if fits[k] and not any(_is_same(line, other, config.apart) for other in kept):
+            kept.append(line)
     return Narrows(
         gateways=np.array(kept).reshape(-1, 4), clearance=clearance, skeleton=skeleton.cells
     )
 
 
-def constrictions(
-    heights: Float64[np.ndarray, "cells"],
-    along: Float64[np.ndarray, "cells"],
-    tips: tuple[bool, bool],
-    config: GatewayConfig,
-) -> list[int]:
-    """Return the cells of a branch of the skeleton at which it has gateways.
+@kernel(arrays=True)
+def find_constrictions(
+    states: np.ndarray,
+    clearance: np.ndarray,
+    cells: np.ndarray,
+    ends: np.ndarray,
+    nodes: np.ndarray,
+    ratio: float,
+    lengths: tuple[float, float, float],
+) -> np.ndarray:
+    """Return the gateways' walls: row and column of either end (gateways, 4).
 
     Args:
-        heights: Clearance of each cell (m).
-        along: Distance of each cell from the first along the branch (m).
-        tips: Whether the branch ends at its first and last cell, in no other one.
-        config: What counts as a gateway.
+        states: State of each cell (rows, columns).
+        clearance: Distance of each cell to the nearest wall (cells).
+        cells: The skeleton's cells, as `ends` and `nodes` a field of `Skeleton`.
+        ends: Ends of the branches.
+        nodes: Degrees of the branches' nodes.
+        ratio: `GatewayConfig.ratio`.
+        lengths: `flat`, `arm` and `apart` of `GatewayConfig` (cells).
     """
+    heights = np.empty(len(cells))
+    along = np.zeros(len(cells))
+    for k in range(len(cells)):
+        heights[k] = clearance[cells[k, 0], cells[k, 1]]
+        if k > 0:
+            up, across = cells[k, 0] - cells[k - 1, 0], cells[k, 1] - cells[k - 1, 1]
+            along[k] = along[k - 1] + math.sqrt(up * up + across * across)
+    lines, count = np.empty((len(cells) + 2, 4), np.int64), 0
+    chosen, turns = np.empty(len(cells) + 2, np.int64), np.empty((len(cells) + 2, 2), np.int64)
+    start = 0
+    for branch in range(len(ends)):
+        stop = ends[branch]
+        tips = nodes[branch, 0] == 1, nodes[branch, 1] == 1
+        found = constrictions(
+            heights[start:stop], along[start:stop], tips, ratio, lengths, turns, chosen
+        )
+        for k in range(found):
+            row, column = cells[start + chosen[k]]
+            line = line_across(states, clearance, row, column)
+            if line[0] >= 0:
+                lines[count, 0], lines[count, 1], lines[count, 2], lines[count, 3] = line
+                count += 1
+        start = stop
+    return lines[:count].copy()
+
+
+@kernel()
+def constrictions(
+    heights: np.ndarray,
+    along: np.ndarray,
+    tips: tuple[bool, bool],
+    ratio: float,
+    lengths: tuple[float, float, float],
+    turns: np.ndarray,
+    chosen: np.ndarray,
+) -> int:
+    """Find the cells of a branch of the skeleton at which it has gateways; return their number.
+
+    A narrow between two open pieces of ground that is shorter than `apart` is one gateway, in its
+    middle. A longer one is a path, with a gateway at either end.
+
+    Args:
+        heights: Clearance of each cell.
+        along: Distance of each cell along the branches.
+        tips: Whether the branch ends at its first and last cell, in no other one.
+        ratio: `GatewayConfig.ratio`.
+        lengths: `flat`, `arm` and `apart` of `GatewayConfig`, in the unit of the heights.
+        turns: Scratch buffer (cells + 1, 2).
+        chosen: Output: the cells (cells + 1,).
+    """
+    flat, arm, apart = lengths
     start, stop = 0, len(heights)
     # Towards a tip the clearance falls once more, as the ground ends.
     while tips[0] and start + 1 < stop and heights[start + 1] > heights[start]:
         start += 1
     while tips[1] and stop - 1 > start and heights[stop - 2] > heights[stop - 1]:
         stop -= 1
-    turns = [
-        (start + k, is_low)
-        for k, is_low in _turning_points(heights[start:stop].tolist(), config.ratio)
-    ]
-    found: list[int] = []
-    for k, (low, is_low) in enumerate(turns):
-        if not is_low:
+    count, found = turning_points(heights, start, stop, ratio, turns), 0
+    for k in range(count):
+        low = turns[k, 0]
+        if turns[k, 1] == 0:
             continue
-        least = heights[low] + config.flat
-        before = turns[k - 1][0] if k else None
-        after = turns[k + 1][0] if k + 1 < len(turns) else None
-        first = last = None
-        if before is not None:
-            first = before + int(np.argmax(heights[before : low + 1] <= least))
-        if after is not None:
-            last = after - int(np.argmax(heights[low : after + 1][::-1] <= least))
-        if first is not None and last is not None:
-            is_one = along[last] - along[first] < config.apart
-            found += [(first + last) // 2] if is_one else [first, last]
-        elif first is not None:
-            if along[-1] - along[first] >= (config.arm if tips[1] else 0.5 * config.arm):
-                found.append(first)
-        elif last is not None and along[last] >= (config.arm if tips[0] else 0.5 * config.arm):
-            found.append(last)
+        least = heights[low] + flat
+        first = last = low
+        if k > 0:  # The first cell after the maximum before.
+            first = turns[k - 1, 0]
+            while heights[first] > least:
+                first += 1
+        if k + 1 < count:
+            last = turns[k + 1, 0]
+            while heights[last] > least:
+                last -= 1
+        if 0 < k < count - 1:
+            if along[last] - along[first] < apart:
+                chosen[found] = (first + last) // 2
+                found += 1
+            else:
+                chosen[found], chosen[found + 1] = first, last
+                found += 2
+        elif k > 0:
+            if along[len(along) - 1] - along[first] >= (arm if tips[1] else 0.5 * arm):
+                chosen[found] = first
+                found += 1
+        elif count > 1 and along[last] - along[0] >= (arm if tips[0] else 0.5 * arm):
+            chosen[found] = last
+            found += 1
     return found
 
 
-def _turning_points(heights: list[float], ratio: float) -> list[tuple[int, bool]]:
-    """Return the maxima and minima in turn, each with whether it is a minimum.
+@kernel()
+def turning_points(
+    heights: np.ndarray, start: int, stop: int, ratio: float, turns: np.ndarray
+) -> int:
+    """Find the maxima and minima in turn; return their number.
 
     A minimum counts if it is at most `ratio` times the maximum next to it.
+
+    Args:
+        heights: The numbers.
+        start: The first one that counts.
+        stop: The end of those that count.
+        ratio: The largest ratio.
+        turns: Output: the place of each, and 1 for a minimum, 0 for a maximum (n, 2).
     """
-    turns: list[tuple[int, bool]] = []
-    low = high = 0
-    falls: bool | None = None
-    for k, height in enumerate(heights):
-        if height > heights[high]:
+    low = high = start
+    count, falls = 0, -1  # -1 until it is known.
+    for k in range(start, stop):
+        if heights[k] > heights[high]:
             high = k
-        if height < heights[low]:
+        if heights[k] < heights[low]:
             low = k
-        if falls is not True and height <= ratio * heights[high]:
-            turns.append((high, False))
-            falls, low = True, k
-        elif falls is not False and heights[low] <= ratio * height:
-            turns.append((low, True))
-            falls, high = False, k
-    if falls is not None:
-        turns.append((low, True) if falls else (high, False))
-    return turns
+        if falls != 1 and heights[k] <= ratio * heights[high]:
+            turns[count, 0], turns[count, 1] = high, 0
+            count, falls, low = count + 1, 1, k
+        elif falls != 0 and heights[low] <= ratio * heights[k]:
+            turns[count, 0], turns[count, 1] = low, 1
+            count, falls, high = count + 1, 0, k
+    if falls >= 0:
+        turns[count, 0], turns[count, 1] = (low, 1) if falls == 1 else (high, 0)
+        count += 1
+    return count
 
 
 def _is_same(one: list[float], other: list[float], apart: float) -> bool:
@@ -235,6 +306,32 @@ def _is_seen(states: np.ndarray, row: int, column: int) -> bool:
             if states[i, j] == WALL:
                 return True
     return False
+
+
+@kernel()
+def crossed(lines: np.ndarray, x: float, y: float, beyond: float) -> int:
+    """Return the gateway that a robot has left a place through; -1 for none.
+
+    Args:
+        lines: The gateways, each with the place to its left (gateways, 4) (m).
+        x: The robot's x (m).
+        y: Its y (m).
+        beyond: Distance to a gateway's right at which it has left, up to 2 m (m).
+    """
+    best, nearest = -1, 2.0
+    for k in range(len(lines)):
+        across, up = lines[k, 2] - lines[k, 0], lines[k, 3] - lines[k, 1]
+        length = math.sqrt(across * across + up * up)
+        right, to = x - lines[k, 0], y - lines[k, 1]
+        ahead = (right * up - to * across) / length
+        along = (right * across + to * up) / length
+        if beyond < ahead < nearest and -_ASIDE <= along <= length + _ASIDE:
+            best, nearest = k, ahead
+    return best
+
+
+_ASIDE = 0.3
+"""Distance beyond the ends of a gateway at which the robot still passes through it (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,9 +13,9 @@ from albot_core.geometry.poses import compose, transform_points, transform_segme
 from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.events import CONTRADICTED, NEW, RECOGNISED, Event, EventLog
-from albot_core.mappers.hssh.gateways import Ground, Region, find_gateways, region_around
+from albot_core.mappers.hssh.gateways import Ground, Region, crossed, find_gateways, region_around
 from albot_core.mappers.hssh.layers import place_graph
-from albot_core.mappers.hssh.map_tree import MapTree, TopologicalMap
+from albot_core.mappers.hssh.map_tree import OPEN, Gateway, MapTree, TopologicalMap
 from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap
 from albot_core.mappers.hssh.state import RULES, tree_of
 from albot_core.mappers.hssh.visits import Visit, Visits, frames_of, surface_of
@@ -73,8 +74,7 @@ class Hssh(StoredMapper):
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. Draws no random number."""
-        for part in (self._local,):
-            part.reset()
+        self._local.reset()
         self._perceived.clear()
         self._visits.clear()
         self._log.clear()
@@ -99,9 +99,9 @@ class Hssh(StoredMapper):
         laser = reading.required_laser(self._name)
         is_first = not self._poses
         if not is_first:
-            before = self._pose
-            self._pose = compose(before, reading.motion)
-            self._way += float(np.hypot(*(self._pose[:2] - before[:2])))
+            self._pose = compose(self._pose, reading.motion)
+            x, y, _ = reading.motion.tolist()
+            self._way += math.hypot(x, y)
         is_kept = is_first or self._local.is_due(self._pose)
         if is_kept:
             self._keep(laser, is_first)
@@ -156,11 +156,10 @@ class Hssh(StoredMapper):
         visit = self._visits[number]
         if visit.left >= 0 or not len(visit.gateways):
             return False
-        ahead, aside = _beside(visit.gateways, self._pose[:2])
-        out = (ahead > self.config.places.beyond) & (ahead < 2.0) & (aside <= 0.3)
-        if not out.any():
+        x, y, _ = self._pose.tolist()
+        gateway = crossed(visit.gateways, x, y, self.config.places.beyond)
+        if gateway < 0:
             return False
-        gateway = int(np.argmax(np.where(out, -ahead, -np.inf)))
         self._visits.amend(visit._replace(left=gateway))
         self._end_visit()
         return True
@@ -199,7 +198,8 @@ class Hssh(StoredMapper):
     def _search(self) -> None:
         """Search the local perceptual map for gateways, and for the place around the robot."""
         self._searched = self._way
-        ground = self._perceived.ground(self._pose)
+        self._perceived.scroll(self._pose)
+        ground = self._perceived.ground(self._pose, self.config.gateways.island)
         narrows = find_gateways(ground, self.config.gateways)
         region = region_around(ground, narrows, self._pose[:2])
         if region is None:
@@ -379,18 +379,18 @@ class Hssh(StoredMapper):
             return way
         leaf = self._map
         number = len(self._visits) - 1
-        place, shift = leaf.here
+        place = leaf.here.place
         if place == 0 and not self._is_away:
             return way
         middles = self._middles(leaf)
         if self._routes is None:
-            self._routes = routes_home(leaf, middles, np.zeros(2))
+            self._routes = routes_home(self._travelled(leaf), middles, np.zeros(2))
         lengths, onward = self._routes
         choices = [(place, k) for k in range(len(middles[place]))]
         if self._is_away:
             behind = leaf.gateway(self._visits[number].left, number)
             ahead = leaf.joined[behind[0]][behind[1]]
-            choices = [behind, *([ahead] if ahead[0] >= 0 else [])]
+            choices = [behind, *([] if ahead == OPEN else [ahead])]
         choices = [each for each in choices if each in lengths]
         if not choices:
             way[TRAVEL] = np.inf
@@ -412,6 +412,16 @@ class Hssh(StoredMapper):
                 break
             at = onward[at]
         return way
+
+    def _travelled(self, leaf: TopologicalMap) -> list[tuple[Gateway, Gateway]]:
+        """Return the gateways between which the robot has travelled."""
+        return [
+            (
+                leaf.gateway(self._visits[k - 1].left, k - 1),
+                leaf.gateway(self._visits[k].arrived, k),
+            )
+            for k in range(1, len(leaf.visits))
+        ]
 
     def _lines(self, leaf: TopologicalMap, place: int) -> Float64[np.ndarray, "gateways 4"]:
         """Return the gateways of a place in its order, in the map's frame."""

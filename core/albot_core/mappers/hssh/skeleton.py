@@ -1,9 +1,9 @@
 """The Voronoi skeleton of free ground, and its branches. Compiled.
 
 The skeleton is what is left of the free cells when they are removed from the walls inwards, as long
-as that changes no connection (distance-ordered homotopic thinning; C. Pudney, Distance-ordered
-homotopic thinning, CVIU 1998). It is pruned on the way: an arm keeps its tip only where the
-clearance hardly grows along the arm, so an arm into a corner of a room goes, and a corridor's stays.
+as that changes no connection (C. Pudney, Distance-ordered homotopic thinning, CVIU 1998). It is
+pruned on the way: an arm keeps its tip only where the clearance hardly grows along the arm, so an
+arm into a corner of a room goes, and a corridor's stays.
 """
 
 from __future__ import annotations
@@ -77,9 +77,51 @@ def skeleton_of(clearance: Float32[np.ndarray, "rows columns"]) -> Skeleton:
 
 
 @kernel(arrays=True)
+def distances(free: Bool[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "rows columns"]:
+    """Return the distance of each free cell to the nearest cell that is not free (cells).
+
+    P. Felzenszwalb and D. Huttenlocher, Distance transforms of sampled functions, Theory of
+    Computing 2012. Without any such cell the distances are those to beyond the grid.
+    """
+    rows, columns = free.shape
+    far = rows + columns
+    away = np.empty(free.shape)
+    for j in range(columns):
+        last = -far
+        for i in range(rows):
+            last = last if free[i, j] else i
+            away[i, j] = min(i - last, far)
+        last = rows + far
+        for i in range(rows - 1, -1, -1):
+            last = last if free[i, j] else i
+            away[i, j] = min(away[i, j], last - i)
+    found = np.empty(free.shape, np.float32)
+    at, bounds = np.empty(columns, np.int64), np.empty(columns + 1)
+    for i in range(rows):
+        count = 0  # The parabolas of the lower envelope; `bounds[k]` is where the k-th begins.
+        at[0], bounds[0], bounds[1] = 0, -np.inf, np.inf
+        for j in range(1, columns):
+            while True:
+                k = at[count]
+                rise = away[i, j] ** 2 + j * j - away[i, k] ** 2 - k * k
+                cut = rise / (2.0 * (j - k))
+                if cut > bounds[count]:
+                    break
+                count -= 1
+            count += 1
+            at[count], bounds[count], bounds[count + 1] = j, cut, np.inf
+        count = 0
+        for j in range(columns):
+            while bounds[count + 1] < j:
+                count += 1
+            found[i, j] = math.sqrt((j - at[count]) ** 2 + away[i, at[count]] ** 2)
+    return found
+
+
+@kernel(arrays=True)
 def thinned(clearance: np.ndarray) -> np.ndarray:
     """Return the cells of the skeleton (rows, columns)."""
-    rows, columns = clearance.shape
+    columns = clearance.shape[1]
     kept = clearance > 0.0
     kept[0, :] = kept[-1, :] = False
     kept[:, 0] = kept[:, -1] = False

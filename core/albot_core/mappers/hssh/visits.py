@@ -59,7 +59,7 @@ class Alignment(NamedTuple):
     error: float
     """Root mean square distance of the gateways' ends (m)."""
     overlap: float
-    """Share of the points on walls that are found again: of the map that finds more."""
+    """Share of the points on walls that are found again: of the map that finds fewer."""
 
 
 def surface_of(ground: Ground, region: Region, most: int) -> Points:
@@ -120,7 +120,7 @@ def align(later: Visit, earlier: Visit, shift: int, reach: float) -> Alignment:
     moved = transform_points(pose, later.surface)
     forth = np.mean(tree.query(moved)[0] < reach)
     back = np.mean(KDTree(moved).query(earlier.surface)[0] < reach)
-    return Alignment(pose, error, float(max(forth, back)))
+    return Alignment(pose, error, float(min(forth, back)))
 
 
 class Visits(Stored):
@@ -251,7 +251,7 @@ def visits_of(state: Arrays) -> list[Visit]:
 def frames_of(
     visits: Visits, numbers: list[tuple[int, int, int]]
 ) -> Float64[np.ndarray, "visits 3"]:
-    """Return the metric layout of a map: the pose of each visit's odometry frame in the map's frame.
+    """Return the metric layout of a map: the pose of each visit's odometry frame in the map.
 
     A place lies where the odometry put it at its first visit; a later visit is laid on it.
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Points
-from albot_core.mappers.hssh.map_tree import OPEN, Gateway, TopologicalMap
+from albot_core.mappers.hssh.map_tree import Gateway
 
 
 class Routes(NamedTuple):
@@ -23,17 +23,23 @@ class Routes(NamedTuple):
 
 
 def routes_home(
-    leaf: TopologicalMap, middles: Sequence[Float64[np.ndarray, "gateways 2"]], home: Points
+    travelled: Sequence[tuple[Gateway, Gateway]],
+    middles: Sequence[Float64[np.ndarray, "gateways 2"]],
+    home: Points,
 ) -> Routes:
     """Return the shortest ways home (Dijkstra, 1959).
 
     Through a place, and along a path from one place to the next, the way is straight.
 
     Args:
-        leaf: The map.
+        travelled: Pairs of gateways between which the robot has travelled.
         middles: The middles of the gateways of each place, in its order (m, map's frame).
         home: The robot's start (m, map's frame).
     """
+    across: dict[Gateway, set[Gateway]] = {}
+    for one, other in travelled:
+        across.setdefault(one, set()).add(other)
+        across.setdefault(other, set()).add(one)
     lengths: dict[Gateway, float] = {}
     onward: dict[Gateway, Gateway | None] = {}
     queue: list[tuple[float, Gateway, Gateway | None]] = [
@@ -48,8 +54,7 @@ def routes_home(
         place, number = here
         at = middles[place][number]
         beside = [(place, k) for k in range(len(middles[place])) if k != number]
-        across = leaf.joined[place][number]
-        for there in [*beside, *([] if across == OPEN else [across])]:
+        for there in (*beside, *sorted(across.get(here, ()))):
             if there not in lengths:
                 step = float(np.hypot(*(middles[there[0]][there[1]] - at)))
                 heapq.heappush(queue, (length + step, there, here))
