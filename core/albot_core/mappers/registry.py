@@ -30,6 +30,7 @@ _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IE
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
 _ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LAMBRINOS = "Lambrinos and others, A mobile robot employing insect strategies, RAS 2000"
+_BEESON = "Beeson, Modayil and Kuipers, Factoring the mapping problem (HSSH), IJRR 2010"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 _ARRAYS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "poses": (np.float64, (3,)),
@@ -163,6 +164,16 @@ MAPPERS: dict[str, MapperSpec] = {
             layers=("occupancy_grid", "trajectory", "particles"),
             factory="albot_core.mappers.slam.grid_slam:GridSlam",
             config="albot_core.mappers.slam.grid_slam:GridSlamConfig",
+        ),
+        MapperSpec(
+            name="hssh",
+            summary="Local maps, their gateways, and the tree of all topological maps that agree.",
+            paper=_BEESON,
+            sensors=_LASER,
+            layers=("occupancy_grid", "place_graph"),
+            factory="albot_core.mappers.hssh.mapper:Hssh",
+            config="albot_core.mappers.hssh.config:HsshConfig",
+            has_exits=True,
         ),
         MapperSpec(
             name="karto",

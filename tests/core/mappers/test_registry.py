@@ -40,6 +40,7 @@ OURS = (
     "gmapping",
     "graph-slam",
     "grid-slam",
+    "hssh",
     "karto",
     "odometry",
     "ratslam",

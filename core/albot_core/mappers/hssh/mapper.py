@@ -1,0 +1,475 @@
+"""The Hybrid Spatial Semantic Hierarchy as a mapper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.types import Points, Pose, Poses
+from albot_core.mappers.hssh.config import HsshConfig
+from albot_core.mappers.hssh.events import CONTRADICTED, NEW, RECOGNISED, Event, EventLog
+from albot_core.mappers.hssh.gateways import Ground, Region, crossed, find_gateways, region_around
+from albot_core.mappers.hssh.layers import place_graph
+from albot_core.mappers.hssh.map_tree import OPEN, Gateway, MapTree, TopologicalMap
+from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap
+from albot_core.mappers.hssh.state import RULES, tree_of
+from albot_core.mappers.hssh.visits import Visit, Visits, frames_of, surface_of
+from albot_core.mappers.hssh.way_home import Routes, routes_home
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
+from albot_core.mappers.schema import Arrays, Field, Pack, Schema
+from albot_core.mappers.slam.local_map import LocalMap, scan_points
+from albot_core.mappers.stored import StoredMapper
+from albot_core.maps.layers import MapSnapshot
+from albot_core.sensing.reading import LaserScan, Reading
+
+_PATIENCE = 3
+"""Number of searches without the gateway through which the robot came, after which another one is
+taken for it."""
+
+
+class Hssh(StoredMapper):
+    """Local perceptual map, gateways, stars, and the tree of topological maps.
+
+    It knows a way home (`RouteHome`), remembers places (`PlaceMemory`), and corrects its earlier
+    poses (`CorrectedTrajectory`). What it believes is the preferred map of the tree.
+
+    Args:
+        config: All parameters.
+        name: The name under which the mapper is registered.
+    """
+
+    config: HsshConfig
+    SCHEMA = Schema(
+        Field("pose", "3"),
+        Field("since", "3"),
+        Field("poses", "readings 3"),
+        Field("way", "", least=0),
+        Field("searched", "", least=0),
+        Pack(
+            "counts",
+            int,
+            Field("updates", least=0, most="readings"),
+            Field("version", least=0),
+            Field("misses", least=0, most=_PATIENCE),
+            Field("matched", least=-1, below="readings"),
+            Field("is_localised", "", bool),
+        ),
+        Field("tree.visits", "maps known 2", int, at=None, least=0),
+        Field("tree.counts", "2", int, at=None, least=0),
+        parts=("_local", "_perceived", "_visits", "_log"),
+        rules=RULES,
+    )
+
+    def __init__(self, config: HsshConfig | None = None, name: str = "hssh") -> None:
+        config = config or HsshConfig()
+        self._local = LocalMap(config.matching)
+        self._perceived = LocalPerceptualMap(config.grid, config.half)
+        self._visits, self._log = Visits(config), EventLog()
+        super().__init__(config, name)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. Draws no random number."""
+        self._local.reset()
+        self._perceived.clear()
+        self._visits.clear()
+        self._log.clear()
+        self._pose = np.zeros(3)  # In the frame of the odometry, which scan matching corrects.
+        self._since = np.zeros(3)  # The odometry since the latest kept scan.
+        self._poses: list[Pose] = []  # At each reading, in the frame of the odometry.
+        self._way = self._searched = 0.0  # Distance driven, in all and until the latest search.
+        self._updates = self._version = self._misses = 0
+        self._matched = -1
+        self._is_localised = True
+        self._tree: MapTree | None = None  # Of all visits that have ended.
+        self._believe(None)
+
+    # The readings.
+
+    def update(self, reading: Reading) -> bool:
+        """Process a reading; return whether its scan was added to the local perceptual map.
+
+        Raises:
+            InputError: The reading lacks a laser scan.
+        """
+        laser = reading.required_laser(self._name)
+        is_first = not self._poses
+        if not is_first:
+            self._pose = compose(self._pose, reading.motion)
+            x, y, _ = reading.motion.tolist()
+            self._way += math.hypot(x, y)
+        is_kept = is_first or self._local.is_due(self._pose)
+        if is_kept:
+            self._keep(laser, is_first)
+        self._poses.append(self._pose)
+        if is_first:
+            self._visits.begin(self._nothing())
+            self._believe(None)
+        elif self._has_left():
+            self._search()
+        if is_kept and (is_first or self._way - self._searched >= self.config.places.search):
+            self._search()
+        if is_kept:
+            self._match()
+        return is_kept
+
+    def _keep(self, laser: LaserScan, is_first: bool) -> None:
+        """Match a scan with the latest ones, and add it to the local perceptual map.
+
+        Scans in between only move the robot by its odometer, which is ours, for speed.
+        """
+        scan = scan_points(laser, self.config.matching)
+        if not is_first:
+            match = self._local.match(scan, self._pose)
+            self._pose, self._is_localised = match.pose, match.is_good
+        self._local.keep(self._pose, scan.surface)
+        self._perceived.integrate(self._pose, laser)
+        self._updates += 1
+        self._version += 1
+
+    def _nothing(self) -> Visit:
+        """Return a visit that begins here, of which nothing is known yet."""
+        return Visit(
+            entered=len(self._poses) - 1,
+            way=self._way,
+            arrived=-1,
+            left=-1,
+            middle=self._pose[:2].copy(),
+            gateways=np.empty((0, 4)),
+            surface=np.empty((0, 2)),
+        )
+
+    # The local topology.
+
+    @property
+    def _is_away(self) -> bool:
+        """Whether the robot has left the place of the last visit."""
+        return self._visits[len(self._visits) - 1].left >= 0
+
+    def _has_left(self) -> bool:
+        """End the visit if the robot has left its place through a gateway; return whether."""
+        number = len(self._visits) - 1
+        visit = self._visits[number]
+        if visit.left >= 0 or not len(visit.gateways):
+            return False
+        x, y, _ = self._pose.tolist()
+        gateway = crossed(visit.gateways, x, y, self.config.places.beyond)
+        if gateway < 0:
+            return False
+        self._visits.amend(visit._replace(left=gateway))
+        self._end_visit()
+        return True
+
+    def _end_visit(self) -> None:
+        """Extend the tree by the visit that has ended."""
+        number = len(self._visits) - 1
+        before = self._best.visits if self._best is not None else ()
+        forgotten = 0
+        agrees = True
+        if self._tree is None:
+            self._tree = MapTree(self._visits.star(0), self.config.tree)
+        else:
+            forgotten = self._tree.forgotten
+            agrees = self._tree.travel(self._visits.travel(number), self._visits.judge)
+            forgotten = self._tree.forgotten - forgotten
+        best = self._tree.best
+        here = best.here
+        kind = NEW if best.firsts[here.place] == number else RECOGNISED
+        self._log.add(
+            Event(
+                kind=kind if agrees else CONTRADICTED,
+                reading=len(self._poses) - 1,
+                place=here.place,
+                gateways=len(self._visits[number].gateways),
+                maps=len(self._tree.maps),
+                minimal=len(self._tree.minimal),
+                forgotten=forgotten,
+                switched=int(before[:number] != best.visits[:number]),
+            )
+        )
+        self._misses = 0
+        self._believe(best)
+        self._version += 1
+
+    def _search(self) -> None:
+        """Search the local perceptual map for gateways, and for the place around the robot."""
+        self._searched = self._way
+        self._perceived.scroll(self._pose)
+        ground = self._perceived.ground(self._pose, self.config.gateways.island)
+        narrows = find_gateways(ground, self.config.gateways)
+        region = region_around(ground, narrows, self._pose[:2])
+        if region is None:
+            return
+        if self._is_away:
+            self._arrive(ground, region)
+        else:
+            self._look_again(ground, region)
+
+    def _arrive(self, ground: Ground, region: Region) -> None:
+        """Begin a visit if the region is a place with the gateway through which the robot came."""
+        if not len(region.gateways) or region.is_path(self.config.gateways):
+            return
+        last = self._visits[len(self._visits) - 1]
+        arrived = self._entrance(region, last)
+        if arrived < 0:
+            return
+        self._visits.begin(self._nothing())
+        self._perceive(ground, region, arrived)
+
+    def _entrance(self, region: Region, last: Visit) -> int:
+        """Return the gateway through which the robot came into a region; -1 if it is not known.
+
+        It is the one that the robot has crossed last since it left the last place; or, after some
+        searches, the one nearest to where it left.
+        """
+        start = last.entered
+        track = np.array(self._poses[start:])[::-1, :2]
+        # Of each gateway: the latest reading at which the robot was outside of it.
+        best, latest = -1, len(track)
+        for k, line in enumerate(region.gateways):
+            ahead, aside = _beside(line[None], track)
+            outside = np.flatnonzero((ahead > 0.0) & (ahead < 1.0) & (aside <= 0.3))
+            if len(outside) and outside[0] < latest:
+                best, latest = k, int(outside[0])
+        if best >= 0 or self._misses < _PATIENCE:
+            self._misses += best < 0
+            return best
+        left = last.middles[last.left]
+        return int(np.argmin(np.hypot(*(region.middles - left).T)))
+
+    def _look_again(self, ground: Ground, region: Region) -> None:
+        """Replace what is known of the present place, if the region is that of the visit."""
+        number = len(self._visits) - 1
+        visit = self._visits[number]
+        if visit.arrived < 0:
+            self._perceive(ground, region, -1)
+            return
+        if not len(region.gateways):
+            return
+        away = np.hypot(*(region.middles - visit.middles[visit.arrived]).T)
+        nearest = int(np.argmin(away))
+        if away[nearest] > self.config.places.near and self._misses < _PATIENCE:
+            self._misses += 1
+            return
+        self._perceive(ground, region, nearest)
+
+    def _perceive(self, ground: Ground, region: Region, arrived: int) -> None:
+        """Note what is known of the present place, and what the tree makes of it."""
+        self._misses = 0
+        number = len(self._visits) - 1
+        visit = self._visits[number]._replace(
+            arrived=arrived,
+            middle=region.peak,
+            gateways=region.gateways,
+            surface=surface_of(ground, region, self.config.places.points),
+        )
+        self._visits.amend(visit)
+        self._preview()
+        self._version += 1
+
+    def _preview(self) -> None:
+        """Believe what the tree would hold if the present visit ended now."""
+        number = len(self._visits) - 1
+        if self._tree is None:
+            self._believe(None)
+            return
+        travel = self._visits.travel(number)
+        maps = self._tree.preview(travel, self._visits.judge)
+        self._believe(maps[0] if maps else self._tree.best.repaired(travel))
+
+    # What is believed.
+
+    def _believe(self, best: TopologicalMap | None) -> None:
+        """Believe a map; None for that of the first place alone."""
+        self._best = best
+        self._frames = np.zeros((1, 3))
+        self._firsts = [0]
+        if best is not None:
+            numbers = [
+                (best.firsts[visit.place], visit.shift, k) for k, visit in enumerate(best.visits)
+            ]
+            self._frames = frames_of(self._visits, numbers)
+            self._firsts = [first for first, _, _ in numbers]
+        self._routes: Routes | None = None
+
+    @property
+    def _map(self) -> TopologicalMap:
+        """The map that is believed."""
+        return self._best or TopologicalMap.beginning(self._visits.star(0))
+
+    def _places(self) -> list[int]:
+        """Return the place of each visit."""
+        return [visit.place for visit in self._best.visits] if self._best else [0]
+
+    def _visit_of_readings(self) -> Int64[np.ndarray, "readings"]:
+        """Return the visit during which, or after which, each reading was taken."""
+        entered = [self._visits[k].entered for k in range(len(self._visits))]
+        return np.searchsorted(entered, np.arange(len(self._poses)), side="right") - 1
+
+    def _match(self) -> None:
+        """Find the reading of an earlier visit to this place that was taken nearest to here."""
+        self._matched = -1
+        number = len(self._visits) - 1
+        if self._best is None or self._is_away or self._firsts[number] == number:
+            return
+        here = compose(self._frames[number], self._pose)[:2]
+        nearest = self.config.places.claim
+        for k in range(number):
+            if self._firsts[k] != self._firsts[number]:
+                continue
+            span = slice(self._visits[k].entered, self._visits[k + 1].entered)
+            stood = np.array(self._poses[span])[:, :2]
+            away = np.hypot(*(transform_points(self._frames[k], stood) - here).T)
+            if away.min() < nearest:
+                nearest = float(away.min())
+                self._matched = self._visits[k].entered + int(away.argmin())
+
+    @property
+    def estimate(self) -> Estimate:
+        """The robot's pose in the metric layout of the preferred map; home is where it started."""
+        return Estimate(
+            pose=compose(self._frames[-1], self._pose),
+            home=np.zeros(3),
+            localised=self._is_localised,
+            place=self._places()[-1] if self._poses else None,
+            matched_reading=None if self._matched < 0 else self._matched,
+            updates=self._updates,
+            map_version=self._version,
+        )
+
+    @property
+    def tree(self) -> MapTree | None:
+        """The tree of the maps of all visits that have ended; None before the first has."""
+        return self._tree
+
+    @property
+    def visits(self) -> Visits:
+        """The visits so far; later updates change them."""
+        return self._visits
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What the tree made of each visit that has ended, in order."""
+        return self._log.events
+
+    def place_at(self, reading: int) -> int:
+        """Return the id of the place where a reading was taken, or that was left before it."""
+        return self._places()[int(self._visit_of_readings()[reading])]
+
+    def corrected_poses(self) -> Poses:
+        """Return the pose at every reading since the reset, as estimated now, (readings, 3)."""
+        if not self._poses:
+            return np.empty((0, 3))
+        return compose(self._frames[self._visit_of_readings()], np.array(self._poses))
+
+    @property
+    def way_home(self) -> WayHome:
+        """The shortest way home over gateways and paths: the next gateway, and its length.
+
+        In the place of home it leads straight there.
+        """
+        way = np.full(7, np.nan)
+        here = self.estimate.pose[:2]
+        way[TRAVEL] = float(np.hypot(*here))
+        if not self._poses:
+            return way
+        leaf = self._map
+        number = len(self._visits) - 1
+        place = leaf.here.place
+        if place == 0 and not self._is_away:
+            return way
+        middles = self._middles(leaf)
+        if self._routes is None:
+            self._routes = routes_home(self._travelled(leaf), middles, np.zeros(2))
+        lengths, onward = self._routes
+        choices = [(place, k) for k in range(len(middles[place]))]
+        if self._is_away:
+            behind = leaf.gateway(self._visits[number].left, number)
+            ahead = leaf.joined[behind[0]][behind[1]]
+            choices = [behind, *([] if ahead == OPEN else [ahead])]
+        choices = [each for each in choices if each in lengths]
+        if not choices:
+            way[TRAVEL] = np.inf
+            return way
+
+        def length(gateway: tuple[int, int]) -> float:
+            return lengths[gateway] + float(np.hypot(*(middles[gateway[0]][gateway[1]] - here)))
+
+        target = min(choices, key=length)
+        way[TRAVEL] = length(target)
+        line = self._lines(leaf, target[0])[target[1]]
+        if not self._is_away:
+            way[EXIT] = line
+        at: tuple[int, int] | None = target
+        while at is not None:
+            point = middles[at[0]][at[1]]
+            if np.hypot(*(point - here)) >= self.config.ahead:
+                way[POINT] = point
+                break
+            at = onward[at]
+        return way
+
+    def _travelled(self, leaf: TopologicalMap) -> list[tuple[Gateway, Gateway]]:
+        """Return the gateways between which the robot has travelled."""
+        return [
+            (
+                leaf.gateway(self._visits[k - 1].left, k - 1),
+                leaf.gateway(self._visits[k].arrived, k),
+            )
+            for k in range(1, len(leaf.visits))
+        ]
+
+    def _lines(self, leaf: TopologicalMap, place: int) -> Float64[np.ndarray, "gateways 4"]:
+        """Return the gateways of a place in its order, in the map's frame."""
+        first = leaf.firsts[place]
+        return transform_segments(self._frames[first], self._visits[first].gateways)
+
+    def _middles(self, leaf: TopologicalMap) -> list[Points]:
+        """Return the middles of the gateways of all places, in the map's frame."""
+        lines = [self._lines(leaf, place) for place in range(leaf.places)]
+        return [np.asarray((each[:, :2] + each[:, 2:]) / 2) for each in lines]
+
+    def snapshot(self) -> MapSnapshot:
+        """Return the local perceptual map, and the places and paths of the preferred map."""
+        layer = self._perceived.layer(self._frames[-1])
+        if not self._poses:
+            return MapSnapshot(layers=(layer, place_graph(None, self._visits, self._frames)))
+        return MapSnapshot(layers=(layer, place_graph(self._map, self._visits, self._frames)))
+
+    def _sizes(self) -> dict[str, Any]:
+        return {"config": self.config}
+
+    def _stored(self) -> dict[str, Any]:
+        maps: Sequence[TopologicalMap] = [] if self._tree is None else self._tree.maps
+        visits = [[tuple(visit) for visit in each.visits] for each in maps]
+        tree = self._tree
+        return {
+            "tree.visits": np.array(visits, int).reshape(len(maps), -1 if maps else 0, 2),
+            "tree.counts": (0, 0) if tree is None else (tree.forgotten, tree.contradictions),
+        }
+
+    def _restored(self, state: Arrays) -> None:
+        self._tree = tree_of(state, self.config)
+        if not self._poses:
+            return
+        if self._is_away:
+            self._believe(None if self._tree is None else self._tree.best)
+        else:
+            self._preview()
+
+
+def _beside(
+    lines: Float64[np.ndarray, "lines 4"], points: Float64[np.ndarray, "*points 2"]
+) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "n"]]:
+    """Return how far points lie to the right of lines, and how far beyond their ends (m)."""
+    along = lines[:, 2:] - lines[:, :2]
+    lengths = np.maximum(np.hypot(*along.T), 1e-9)
+    along = along / lengths[:, None]
+    to = points - lines[:, :2]
+    ahead = to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]
+    at = np.sum(to * along, axis=1)
+    return ahead, np.maximum(-at, at - lengths)

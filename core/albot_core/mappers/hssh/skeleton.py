@@ -1,0 +1,266 @@
+"""The Voronoi skeleton of free ground, and its branches. Compiled.
+
+The skeleton is what is left of the free cells when they are removed from the walls inwards, as long
+as that changes no connection (C. Pudney, Distance-ordered homotopic thinning, CVIU 1998). It is
+pruned on the way: an arm keeps its tip only where the clearance hardly grows along the arm, so an
+arm into a corner of a room goes, and a corridor's stays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float32, Int32, Int64
+
+from albot_core.kernels.compiled import kernel
+
+_SLOPE = 0.5
+"""Growth of the clearance per distance above which an arm loses its tip. Along the arm into a
+corner of 90° it is 0.71, along a corridor 0."""
+_NEAR = 3
+"""Distance at which this growth is measured (cells)."""
+_BINS = 8
+"""Steps of the clearance per cell in which cells are removed."""
+
+
+class Skeleton(NamedTuple):
+    """A skeleton as branches from node to node."""
+
+    cells: Int32[np.ndarray, "cells 2"]
+    """Row and column of the cells of all branches, one after another, their nodes included."""
+    ends: Int64[np.ndarray, "branches"]
+    """The end of each branch among the cells."""
+    nodes: Int32[np.ndarray, "branches 2"]
+    """Degree of the nodes at which each branch begins and ends: 1 for a tip; 0 for a branch that
+    is a ring or a single cell."""
+
+
+def _is_simple(bits: int) -> bool:
+    """Return whether removing a cell keeps the connections, given which neighbours are set.
+
+    The neighbours are counted counter-clockwise from the east; the set is 8-connected.
+    """
+    ring = [bits >> k & 1 for k in range(8)]
+    # Yokoi's number of 8-connected components around the cell.
+    count = sum(
+        (1 - ring[k]) - (1 - ring[k]) * (1 - ring[(k + 1) % 8]) * (1 - ring[(k + 2) % 8])
+        for k in range(0, 8, 2)
+    )
+    return count == 1
+
+
+def _is_tip(bits: int) -> bool:
+    """Return whether a cell is the tip of an arm: it has one neighbour, or two that touch."""
+    turned = [(bits >> k | bits << 8 - k) & 255 for k in range(8)]
+    return 0b1 in turned or 0b11 in turned
+
+
+_SIMPLE = np.array([_is_simple(bits) for bits in range(256)])
+_TIP = np.array([_is_tip(bits) for bits in range(256)])
+_ROWS = np.array((0, 1, 1, 1, 0, -1, -1, -1))
+_COLUMNS = np.array((1, 1, 0, -1, -1, -1, 0, 1))
+"""The neighbours of a cell, counter-clockwise from the east."""
+
+
+def skeleton_of(clearance: Float32[np.ndarray, "rows columns"]) -> Skeleton:
+    """Return the skeleton of the cells with a positive clearance.
+
+    Args:
+        clearance: Distance of each cell to the nearest wall (cells), 0 for walls. The outermost
+            rows and columns must be walls.
+    """
+    kept = thinned(clearance)
+    cells, ends, nodes, count, branches = trace_branches(kept)
+    return Skeleton(cells[:count], ends[:branches], nodes[:branches])
+
+
+@kernel(arrays=True)
+def distances(free: Bool[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "rows columns"]:
+    """Return the distance of each free cell to the nearest cell that is not free (cells).
+
+    P. Felzenszwalb and D. Huttenlocher, Distance transforms of sampled functions, Theory of
+    Computing 2012. Without any such cell the distances are those to beyond the grid.
+    """
+    rows, columns = free.shape
+    far = rows + columns
+    away = np.empty(free.shape)
+    for j in range(columns):
+        last = -far
+        for i in range(rows):
+            last = last if free[i, j] else i
+            away[i, j] = min(i - last, far)
+        last = rows + far
+        for i in range(rows - 1, -1, -1):
+            last = last if free[i, j] else i
+            away[i, j] = min(away[i, j], last - i)
+    found = np.empty(free.shape, np.float32)
+    at, bounds = np.empty(columns, np.int64), np.empty(columns + 1)
+    for i in range(rows):
+        count = 0  # The parabolas of the lower envelope; `bounds[k]` is where the k-th begins.
+        at[0], bounds[0], bounds[1] = 0, -np.inf, np.inf
+        for j in range(1, columns):
+            while True:
+                k = at[count]
+                rise = away[i, j] ** 2 + j * j - away[i, k] ** 2 - k * k
+                cut = rise / (2.0 * (j - k))
+                if cut > bounds[count]:
+                    break
+                count -= 1
+            count += 1
+            at[count], bounds[count], bounds[count + 1] = j, cut, np.inf
+        count = 0
+        for j in range(columns):
+            while bounds[count + 1] < j:
+                count += 1
+            found[i, j] = math.sqrt((j - at[count]) ** 2 + away[i, at[count]] ** 2)
+    return found
+
+
+@kernel(arrays=True)
+def thinned(clearance: np.ndarray) -> np.ndarray:
+    """Return the cells of the skeleton (rows, columns)."""
+    columns = clearance.shape[1]
+    kept = clearance > 0.0
+    kept[0, :] = kept[-1, :] = False
+    kept[:, 0] = kept[:, -1] = False
+    order = _by_clearance(clearance, kept)
+    # A cell that had to stay may be removed after the cells behind it, so passes are repeated.
+    removed = 1
+    while removed:
+        removed = 0
+        for k in order:
+            row, column = k // columns, k % columns
+            if not kept[row, column]:
+                continue
+            bits = 0
+            for n in range(8):
+                if kept[row + _ROWS[n], column + _COLUMNS[n]]:
+                    bits |= 1 << n
+            if not _SIMPLE[bits]:
+                continue
+            if _TIP[bits] and not _is_steep(clearance, row, column):
+                continue
+            kept[row, column] = False
+            removed += 1
+    return kept
+
+
+@kernel(arrays=True)
+def _by_clearance(clearance: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Return the numbers of the kept cells, the ones nearest to walls first."""
+    rows, columns = clearance.shape
+    starts = np.zeros(int(clearance.max() * _BINS) + 2, np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            if kept[row, column]:
+                starts[int(clearance[row, column] * _BINS) + 1] += 1
+    for k in range(1, len(starts)):
+        starts[k] += starts[k - 1]
+    order = np.empty(starts[-1], np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            if kept[row, column]:
+                k = int(clearance[row, column] * _BINS)
+                order[starts[k]] = row * columns + column
+                starts[k] += 1
+    return order
+
+
+@kernel()
+def _is_steep(clearance: np.ndarray, row: int, column: int) -> bool:
+    """Return whether the clearance grows fast in some direction."""
+    rows, columns = clearance.shape
+    for i in range(max(row - _NEAR, 0), min(row + _NEAR + 1, rows)):
+        for j in range(max(column - _NEAR, 0), min(column + _NEAR + 1, columns)):
+            away = math.sqrt((i - row) ** 2 + (j - column) ** 2)
+            if away < _NEAR - 0.5 or away > _NEAR + 0.5:
+                continue
+            if clearance[i, j] - clearance[row, column] > _SLOPE * away:
+                return True
+    return False
+
+
+@kernel(arrays=True)
+def trace_branches(
+    kept: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int, int]:
+    """Return the fields of `Skeleton` with spare rows, and the numbers of cells and branches.
+
+    Nodes are cells with one neighbour or with more than two. Neighbouring nodes make no branch.
+    """
+    rows, columns = kept.shape
+    total = 0
+    for row in range(rows):
+        for column in range(columns):
+            total += kept[row, column]
+    cells = np.empty((4 * total + 8, 2), np.int32)
+    ends, nodes = np.empty(2 * total + 2, np.int64), np.zeros((2 * total + 2, 2), np.int32)
+    degree = np.zeros(kept.shape, np.int32)
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            if kept[row, column]:
+                degree[row, column] = _degree(kept, row, column)
+    used = np.zeros(kept.shape, np.bool_)
+    count = branches = 0
+    for is_ring in (False, True):  # What is left after the nodes' branches are rings.
+        for row in range(1, rows - 1):
+            for column in range(1, columns - 1):
+                if not kept[row, column] or (degree[row, column] == 2) != is_ring:
+                    continue
+                if is_ring and used[row, column]:
+                    continue
+                for n in range(8):
+                    i, j = row + _ROWS[n], column + _COLUMNS[n]
+                    if not kept[i, j] or used[i, j] or degree[i, j] != 2:
+                        continue
+                    cells[count, 0], cells[count, 1] = row, column
+                    nodes[branches, 0] = 0 if is_ring else degree[row, column]
+                    used[row, column] |= is_ring
+                    before_i, before_j, count = row, column, count + 1
+                    while True:
+                        cells[count, 0], cells[count, 1] = i, j
+                        count += 1
+                        if degree[i, j] != 2:
+                            nodes[branches, 1] = degree[i, j]
+                            break
+                        used[i, j] = True
+                        next_i = next_j = -1
+                        for m in (0, 2, 4, 6, 1, 3, 5, 7):
+                            a, b = i + _ROWS[m], j + _COLUMNS[m]
+                            if not kept[a, b] or (a == before_i and b == before_j):
+                                continue
+                            # Two steps of a branch may touch; the one before is not the next.
+                            if degree[a, b] != 2 or not used[a, b]:
+                                next_i, next_j = a, b
+                                break
+                        if next_i < 0:
+                            nodes[branches, 1] = 0
+                            break
+                        before_i, before_j, i, j = i, j, next_i, next_j
+                    ends[branches] = count
+                    branches += 1
+                    if is_ring:
+                        break
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            if kept[row, column] and degree[row, column] == 0:
+                cells[count, 0], cells[count, 1] = row, column
+                count += 1
+                ends[branches] = count
+                branches += 1
+    return cells, ends, nodes, count, branches
+
+
+@kernel()
+def _degree(kept: np.ndarray, row: int, column: int) -> int:
+    """Return how many branches leave a cell: the groups of neighbours that touch by their sides."""
+    groups = 0
+    for n in range(8):
+        here = kept[row + _ROWS[n], column + _COLUMNS[n]]
+        before = kept[row + _ROWS[n - 1], column + _COLUMNS[n - 1]]
+        groups += here and not before
+    if groups == 0 and kept[row, column + 1]:
+        return 1
+    return groups

@@ -1,0 +1,270 @@
+"""The visits to places, and the comparison of one with another by their local maps."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial import KDTree
+
+from albot_core.geometry.poses import compose, transform_points
+from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.mappers.hssh.config import HsshConfig
+from albot_core.mappers.hssh.gateways import Ground, Region, continuations
+from albot_core.mappers.hssh.map_tree import Travel
+from albot_core.mappers.hssh.star import Star
+from albot_core.mappers.ratslam.arrays import Table
+from albot_core.mappers.schema import Arrays, Field, Schema
+from albot_core.mappers.stored import Stored
+
+_STEPS = 8
+"""Steps of the alignment of the local maps."""
+
+
+class Visit(NamedTuple):
+    """What was perceived of a place on one visit, in the frame of the odometry."""
+
+    entered: int
+    """Number of the reading at which the robot came."""
+    way: float
+    """Distance driven until then (m)."""
+    arrived: int
+    """The gateway through which it came; -1 at the first visit."""
+    left: int
+    """The gateway through which it left; -1 while it is there."""
+    middle: Points
+    """The middle of the most open ground of the place (m)."""
+    gateways: Segments
+    """The gateways, counter-clockwise, each with the place to its left (m)."""
+    surface: Points
+    """Points on the walls of the place (m)."""
+
+    @property
+    def middles(self) -> Points:
+        """The middles of the gateways (m)."""
+        return np.asarray((self.gateways[:, :2] + self.gateways[:, 2:]) / 2)
+
+    def star(self, straight: float) -> Star:
+        """Return the local topology."""
+        return Star(*continuations(self.gateways, straight))
+
+
+class Alignment(NamedTuple):
+    """How one visit's local map lies on that of another."""
+
+    pose: Pose
+    """The pose of the later odometry frame in the earlier one."""
+    error: float
+    """Root mean square distance of the gateways' ends (m)."""
+    overlap: float
+    """Share of the points on walls that are found again: of the map that finds fewer."""
+
+
+def surface_of(ground: Ground, region: Region, most: int) -> Points:
+    """Return points on the walls of a region, evenly chosen (m)."""
+    states, inside = ground.states, region.inside
+    beside = np.zeros(states.shape, np.bool_)
+    beside[1:] |= inside[:-1]
+    beside[:-1] |= inside[1:]
+    beside[:, 1:] |= inside[:, :-1]
+    beside[:, :-1] |= inside[:, 1:]
+    cells = np.argwhere(beside & (states == 2))
+    step = max(math.ceil(len(cells) / max(most, 1)), 1)
+    return ground.centres(cells[::step][:most])
+
+
+def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
+    """Return the pose that moves points onto others, and the root mean square distance left (m).
+
+    K. Arun, T. Huang and S. Blostein, Least-squares fitting of two 3-D point sets, PAMI 1987, in
+    the plane.
+    """
+    middle, target = points.mean(axis=0), onto.mean(axis=0)
+    one, other = points - middle, onto - target
+    sine = float(np.sum(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
+    turn = math.atan2(sine, float(np.sum(one * other)))
+    cos, sin = math.cos(turn), math.sin(turn)
+    x = target[0] - cos * middle[0] + sin * middle[1]
+    y = target[1] - sin * middle[0] - cos * middle[1]
+    pose = np.array((x, y, turn))
+    left = transform_points(pose, points) - onto
+    return pose, float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
+
+
+def align(later: Visit, earlier: Visit, shift: int, reach: float) -> Alignment:
+    """Align two visits' local maps: by the gateways, and then by the points on walls near by.
+
+    Args:
+        later: The later visit.
+        earlier: The earlier one.
+        shift: Gateway k of the later one is gateway k + shift of the earlier one.
+        reach: Largest distance of a point from the same wall (m).
+    """
+    if not len(later.gateways):
+        pose, error = np.array((*(earlier.middle - later.middle), 0.0)), 0.0
+    else:
+        onto = np.roll(earlier.gateways, -shift, axis=0)
+        pose, error = rigid_fit(later.gateways.reshape(-1, 2), onto.reshape(-1, 2))
+    if not len(later.surface) or not len(earlier.surface):
+        return Alignment(pose, error, 1.0)
+    tree = KDTree(earlier.surface)
+    for _ in range(_STEPS):
+        moved = transform_points(pose, later.surface)
+        away, nearest = tree.query(moved)
+        close = away < 2.0 * reach
+        if close.sum() < 3:
+            break
+        pose, _ = rigid_fit(later.surface[close], earlier.surface[nearest[close]])
+    moved = transform_points(pose, later.surface)
+    forth = np.mean(tree.query(moved)[0] < reach)
+    back = np.mean(KDTree(moved).query(earlier.surface)[0] < reach)
+    return Alignment(pose, error, float(min(forth, back)))
+
+
+class Visits(Stored):
+    """All visits in order; the last one is the present one, or the last before the present way.
+
+    Args:
+        config: All parameters.
+    """
+
+    SCHEMA = Schema(parts=("_table", "_gateways", "_surfaces"))
+
+    def __init__(self, config: HsshConfig) -> None:
+        self._config = config
+        self._table = Table(
+            "visits",
+            Field("entered", "", int, least=0),
+            Field("way", "", least=0),
+            Field("arrived", "", int, least=-1),
+            Field("left", "", int, least=-1),
+            Field("middle", "2"),
+            Field("gateways", "", int, least=0, sums="gateways"),
+            Field("surface", "", int, least=0, sums="surfaces"),
+        )
+        self._gateways = Table("gateways", Field("line", "4"))
+        self._surfaces = Table("surfaces", Field("point", "2"))
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all visits."""
+        for table in (self._table, self._gateways, self._surfaces):
+            table.clear()
+        self._visits: list[Visit] = []
+        self._stars: list[Star] = []
+        self._alignments: dict[tuple[int, int, int], Alignment] = {}
+
+    def __len__(self) -> int:
+        return len(self._visits)
+
+    def __getitem__(self, number: int) -> Visit:
+        return self._visits[number]
+
+    def star(self, number: int) -> Star:
+        """Return the star of a visit."""
+        return self._stars[number]
+
+    def travel(self, number: int) -> Travel:
+        """Return the travel that led to a visit."""
+        visit = self._visits[number]
+        return Travel(self._visits[number - 1].left, self._stars[number], visit.arrived)
+
+    def begin(self, visit: Visit) -> None:
+        """Begin a visit."""
+        self._visits.append(visit)
+        self._stars.append(visit.star(self._config.gateways.straight))
+
+    def amend(self, visit: Visit) -> bool:
+        """Replace what is known of the present visit; return whether its star has changed."""
+        before = self._stars[-1], self._visits[-1].arrived
+        number = len(self._visits) - 1
+        self._alignments = {k: v for k, v in self._alignments.items() if number not in k[:2]}
+        self._visits[-1] = visit
+        self._stars[-1] = visit.star(self._config.gateways.straight)
+        return before != (self._stars[-1], visit.arrived)
+
+    def alignment(self, later: int, earlier: int, shift: int) -> Alignment:
+        """Return how a visit's local map lies on that of an earlier visit."""
+        key = later, earlier, shift
+        if key not in self._alignments:
+            reach = self._config.places.surface_error
+            self._alignments[key] = align(self[later], self[earlier], shift, reach)
+        return self._alignments[key]
+
+    def judge(self, first: int, shift: int) -> bool:
+        """Return whether the last visit can be to the place that was first visited at `first`."""
+        places, last = self._config.places, len(self) - 1
+        found = self.alignment(last, first, shift)
+        if found.error > places.gateway_error or found.overlap < places.overlap:
+            return False
+        if math.isinf(places.drift):
+            return True
+        moved = transform_points(found.pose, self[last].middle) - self[last].middle
+        return float(np.hypot(*moved)) <= 1.0 + places.drift * (self[last].way - self[first].way)
+
+    def _stored(self) -> dict[str, np.ndarray]:
+        self._table.clear()
+        self._gateways.clear()
+        self._surfaces.clear()
+        for visit in self._visits:
+            fields = visit._asdict()
+            self._table.append(
+                **{k: fields[k] for k in ("entered", "way", "arrived", "left", "middle")},
+                gateways=len(visit.gateways),
+                surface=len(visit.surface),
+            )
+            for line in visit.gateways:
+                self._gateways.append(line=line)
+            for point in visit.surface:
+                self._surfaces.append(point=point)
+        return {}
+
+    def _restored(self, state: Arrays) -> None:
+        self._visits, self._stars, self._alignments = [], [], {}
+        for visit in visits_of(state):
+            self.begin(visit)
+
+
+def visits_of(state: Arrays) -> list[Visit]:
+    """Return the visits that a state holds."""
+    lines, points = state["gateways.line"], state["surfaces.point"]
+    visits, line, point = [], 0, 0
+    for k in range(len(state["visits.entered"])):
+        more, shown = int(state["visits.gateways"][k]), int(state["visits.surface"][k])
+        visits.append(
+            Visit(
+                entered=int(state["visits.entered"][k]),
+                way=float(state["visits.way"][k]),
+                arrived=int(state["visits.arrived"][k]),
+                left=int(state["visits.left"][k]),
+                middle=state["visits.middle"][k].copy(),
+                gateways=lines[line : line + more].copy(),
+                surface=points[point : point + shown].copy(),
+            )
+        )
+        line, point = line + more, point + shown
+    return visits
+
+
+def frames_of(
+    visits: Visits, numbers: list[tuple[int, int, int]]
+) -> Float64[np.ndarray, "visits 3"]:
+    """Return the metric layout of a map: the pose of each visit's odometry frame in the map.
+
+    A place lies where the odometry put it at its first visit; a later visit is laid on it.
+
+    Args:
+        visits: The visits.
+        numbers: For each visit the first visit to its place, the shift of its gateways, and itself.
+    """
+    frames = np.zeros((len(numbers), 3))
+    for number, (first, shift, _) in enumerate(numbers):
+        if number == 0:
+            continue
+        if first == number:
+            frames[number] = frames[number - 1]
+        else:
+            frames[number] = compose(frames[first], visits.alignment(number, first, shift).pose)
+    return frames
