@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from albot_cli import completion
 from albot_cli.bag_options import bag_options
@@ -40,6 +41,8 @@ from albot_core.export.picture import Panel, map_figure
 from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
+from albot_core.localisation.mapper import MapUser
+from albot_core.localisation.saved_maps import mapper_of
 from albot_core.logs.example import EXAMPLE
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_reference
@@ -110,6 +113,18 @@ FILES = (
     is_flag=True,
     help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
+@click.option(
+    "--localise",
+    metavar="MAPFILE",
+    type=_FILE,
+    help="Localise the robot in this map, of an earlier run's --out, from wherever the log begins. "
+    "The mapper is the map's.",
+)
+@click.option(
+    "--extend",
+    is_flag=True,
+    help="With --localise: go on mapping once the robot is localised.  [default: frozen map]",
+)
 @click.option("--keep-going", is_flag=True, help="Leave out the damaged lines of a log.")
 @bag_options
 @figure_options("the map")
@@ -123,6 +138,8 @@ def command(
     relations: Path | None,
     out: Path | None,
     recognition: bool,
+    localise: Path | None,
+    extend: bool,
     keep_going: bool,
     topics: BagTopics | None,
     figure: FigureFile | None,
@@ -136,11 +153,21 @@ def command(
     (.mcap), which holds its own reference. The seconds reported are those of the mapper's updates
     alone, without compilation.
 
-    Without either it maps a small log that comes with the project, of a simulated robot in an
+    With --localise the robot may begin anywhere in an earlier map: several poses are weighed until
+    a second look, from elsewhere, decides. Errors are those of the scans at which the robot was
+    localised, and the map's frame is the earlier one's.
+
+    Without a log it maps a small log that comes with the project, of a simulated robot in an
     office.
     """
+    if extend and localise is None:
+        raise InputError("--extend", "--localise MAPFILE, a map to extend", "none")
+    if localise is not None and not _is_given("mapper"):
+        mapper = mapper_of(localise)
     spec = mapper_spec(mapper)
     mapper_parameters = read_mapper_config(spec, mapper_config)
+    if localise is not None and mapper_config is None:
+        mapper_parameters = None
     if out is not None:
         check_folder(out, FILES, force=force)
     recorded = read_log_or_episode(log, keep_going, topics)
@@ -157,10 +184,11 @@ def command(
     notes = notes_of(recorded, truth, reference, true_relations)
     for note in notes:
         click.echo(f"albot: {recorded.name}: {note}", err=True)
-    warm_up(mapper, mapper_parameters, recorded)
+    saved = {"saved_map": localise, "extend": extend}
+    warm_up(mapper, mapper_parameters, recorded, **saved)
     with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as update:
-        run = run_mapper(mapper, mapper_parameters, recorded, update)
-    mapped = score(run.believed, truth, true_relations)
+        run = run_mapper(mapper, mapper_parameters, recorded, update, **saved)
+    mapped = score(run.located, truth, true_relations)
     corrected = None if run.corrected is None else score(run.corrected, truth, true_relations)
     figures = report(recorded, run, mapped, corrected, odometry, notes)
     if recognition and known is not None:
@@ -176,6 +204,12 @@ def command(
     if out and figures.get("recognition"):
         figures["files"]["recognition"] = draw_recognition(out, title, figures["recognition"])
     click.echo(json.dumps(figures) if as_json else as_table(figures))
+
+
+def _is_given(option: str) -> bool:
+    """Return whether the user has given an option of the command."""
+    source = click.get_current_context().get_parameter_source(option)
+    return source is not ParameterSource.DEFAULT
 
 
 def write_files(
@@ -194,7 +228,7 @@ def write_files(
     """
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     with filled_folder(folder) as scratch:
-        write_tum(run.believed, scratch / TRAJECTORY)
+        write_tum(run.located, scratch / TRAJECTORY)
         if run.corrected is not None:
             write_tum(run.corrected, scratch / CORRECTED)
             names["corrected"] = CORRECTED
@@ -211,7 +245,8 @@ def write_files(
         if isinstance(run.mapper, PlaceMemory):
             write_text(scratch / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
             names["events"] = EVENTS
-        save_map(run.mapper, scratch / MAP)
+        used = run.mapper
+        save_map(used.saved if isinstance(used, MapUser) else used, scratch / MAP)
         if any(score.positions is not None for score in scores.values()):
             write_text(scratch / ERRORS, errors_csv(log, scores))
             write_text(scratch / ERROR_TABLE, errors_markdown(scores))
@@ -223,9 +258,9 @@ def write_files(
 
 def _draw(title: str, run: MappingRun, reference: Trajectory | None) -> Figure:
     """Return the picture of the map, with the reference trajectory aligned to the estimated one."""
-    frame = None if reference is None else alignment(reference, run.believed)
+    frame = None if reference is None else alignment(reference, run.located)
     network = None
     if run.packets is not None and isinstance(run.mapper, AttractorNetwork):
         network = run.mapper.activity, run.packets
     laid = None if reference is None or frame is None else compose(frame, reference.poses)
-    return map_figure(Panel(title, run.mapper.snapshot(), run.believed.poses, laid), network)
+    return map_figure(Panel(title, run.mapper.snapshot(), run.located.poses, laid), network)

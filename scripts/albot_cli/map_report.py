@@ -173,8 +173,9 @@ def report(
         "errors": error_figures(mapped),
         "corrected_errors": error_figures(corrected) if corrected else None,
         "odometry_errors": error_figures(odometry),
-        "map_entropy": _entropy(log, run.believed.poses),
+        "map_entropy": None if run.localisation else _entropy(log, run.believed.poses),
         "odometry_map_entropy": (None if log.is_odometry_constant else _entropy(log, log.odometry)),
+        "localisation": run.localisation.figures if run.localisation else None,
         "left_out": left_out(log),
         "notes": list(notes),
     }
@@ -209,6 +210,8 @@ def as_table(figures: dict[str, Any]) -> str:
         + (f"{many(figures['places'], 'place')}, " if figures["places"] else "")
         + f"{figures['scans_per_second']:,.0f} scans/s",
     ]
+    if figures["localisation"]:
+        lines.append(localisation_line(figures["localisation"]))
     rows = _comparison(figures)
     if rows:
         names = (figures["mapper"], "odometer")
@@ -225,6 +228,18 @@ def as_table(figures: dict[str, Any]) -> str:
         width = max(map(len, figures["files"]))
         lines += ["", *(f"{kind:<{width}}  {path}" for kind, path in figures["files"].items())]
     return "\n".join(lines)
+
+
+def localisation_line(found: dict[str, Any]) -> str:
+    """Return a line of text on how the robot localised itself in a saved map."""
+    if found["localised_after_m"] is None:
+        possible = many(found["hypotheses"], "possible pose")
+        return f"{found['map']}: never localised; {found['standing']} at the end, {possible}"
+    lost = f", lost {found['losses']} times" if found["losses"] else ""
+    return (
+        f"{found['map']}: localised after {found['localised_after_m']:.1f} m, at "
+        f"{found['localised_share']:.0%} of the scans{lost}; {found['standing']} at the end"
+    )
 
 
 def left_out(log: Log) -> dict[str, Any] | None:

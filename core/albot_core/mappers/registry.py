@@ -6,6 +6,7 @@ import importlib
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -349,19 +350,38 @@ def check_sensors(spec: MapperSpec, available: Collection[Sensor], source: objec
         raise InputError(source, expected, found, place="mapper")
 
 
-def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | None = None) -> Mapper:
-    """Make a fresh mapper.
+def make_mapper(
+    name: str,
+    *,
+    config: Any = None,
+    rng: np.random.Generator | None = None,
+    map: str | Path | None = None,  # noqa: A002
+    localise: bool = False,
+    extend: bool = False,
+) -> Mapper:
+    """Make a mapper: a fresh one, or one that goes on in a saved map.
 
     Args:
         name: See `mapper_spec`.
         config: Its parameters: an instance of its config class, or a mapping of the values that
-            differ from the defaults.
+            differ from the defaults. With a map, the map's own, or None.
         rng: Source of its random numbers; by default a generator of seed 0.
+        map: A file of `save_map`, of this mapper. Without `localise` the mapper goes on as if it
+            had never stopped.
+        localise: Whether the robot may be anywhere on the map: it localises itself first (see
+            `albot_core.localisation`).
+        extend: Whether a robot that has localised itself goes on mapping; otherwise its map is
+            frozen.
 
     Raises:
         InputError: The mapper is unknown, the config is not of its class, an extra that the mapper
-            needs is not installed, or what its factory makes is no mapper.
+            needs is not installed, or what its factory makes is no mapper; or the map is not valid,
+            or is of another mapper or config, or has no walls.
     """
+    if map is not None or localise or extend:
+        from albot_core.localisation.saved_maps import mapper_in_map  # it loads mappers itself
+
+        return mapper_in_map(name, map, config=config, localise=localise, extend=extend)
     spec = mapper_spec(name)
     check_installed(spec)
     mapper: Mapper = _load(spec, "factory")(config=mapper_config(spec, config), name=spec.name)
@@ -371,10 +391,24 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
     return mapper
 
 
-def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
-    """Make a batch of fresh mappers of one kind, one per robot.
+def make_mappers(
+    name: str,
+    count: int,
+    *,
+    config: Any = None,
+    map: str | Path | None = None,  # noqa: A002
+    extend: bool = False,
+) -> MapperBatch:
+    """Make a batch of mappers of one kind, one per robot: fresh, or each localising in a map.
 
     What a batch from outside the project gives is checked at every call.
+
+    Args:
+        name: See `mapper_spec`.
+        count: Number of robots.
+        config: See `make_mapper`.
+        map: A file of `save_map`, in which each robot localises itself; None for fresh mappers.
+        extend: See `make_mapper`.
 
     Raises:
         InputError: As for `make_mapper`; or the count is not a whole number from 1, or the batch
@@ -383,6 +417,13 @@ def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
     spec = mapper_spec(name)
     if count not in FROM_ONE:
         raise InputError("make_mappers, count", FROM_ONE.expected, str(count))
+    if map is not None:
+        return LoopedMappers(
+            [
+                make_mapper(name, config=config, map=map, localise=True, extend=extend)
+                for _ in range(count)
+            ]
+        )
     config = mapper_config(spec, config)
     if spec.batch is None:
         return LoopedMappers([make_mapper(name, config=config) for _ in range(count)])

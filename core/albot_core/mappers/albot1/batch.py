@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.mappers.albot1.addresses import COLUMNS, MapperArrays, addresses_of
 from albot_core.mappers.albot1.config import Albot1Config
@@ -18,18 +18,21 @@ from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
 from albot_core.mappers.albot1.perceptual_map.mapping import MAPPING_PROGRESS
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
+    VISIT,
     clear_map,
     copy_view,
     empty_map,
     empty_view,
     living,
+    room_left,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import unknown_odometer
-from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS
+from albot_core.mappers.albot1.perceptual_map.viewing import SECTORS, note_sectors
 from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
 from albot_core.mappers.albot1.places.matches import match_place
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
+from albot_core.mappers.albot1.resuming import resume_robot
 from albot_core.mappers.albot1.state import (
     SCHEMA,
     STORED_ROWS,
@@ -44,7 +47,7 @@ from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.schema import Arrays
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, PlaceGraph, SegmentsLayer
-from albot_core.sensing.reading import LaserGeometry, Readings
+from albot_core.sensing.reading import LaserGeometry, LaserScan, Readings
 from albot_core.sensing.view import view_settings
 
 WAY_UPDATE_DISTANCE = 0.2
@@ -246,6 +249,20 @@ class Albot1Batch:
         for row in rows[self._robots.events[rows] > 0].tolist():
             self._handle_events(row)
 
+    def resume(self, row: int, pose: Pose, scan: LaserScan) -> None:
+        """Continue one robot's map at a pose on it (see `resuming`)."""
+        settings = view_settings(scan.geometry, self.config.view)
+        while not self._has_room(row, len(scan.ranges)):
+            self._enlarge_map(row)
+        ranges = np.ascontiguousarray(scan.ranges, np.float64)
+        self._networks[row].reading = max(int(self._robots.readings[row]) - 1, 0)
+        resume_robot(self._robot(row), pose, ranges, settings, self._limits)
+        robots = self._robots
+        robots.since[row], robots.events[row] = 0.0, 0
+        note_sectors(ranges, robots.sectors[row])
+        robots.surfaces[row] = self._arrays[row].pm.counts[ALIVE]
+        self._forget_ways(row)
+
     def network(self, row: int) -> PlaceNetwork:
         """Return one robot's network of places (not a copy)."""
         return self._networks[row]
@@ -377,14 +394,27 @@ class Albot1Batch:
     def _enlarge(self, row: int) -> None:
         """Double the capacity of one robot's breadcrumbs or, if these have room, map and view."""
         arrays, breadcrumbs = self._arrays[row], self._networks[row].breadcrumbs
-        if breadcrumbs.ensure_room():
-            arrays = arrays._replace(crumbs=breadcrumbs.crumbs, graph=breadcrumbs.tree.graph)
-        else:
-            view = empty_view(2 * len(arrays.view.slots))
-            copy_view(arrays.view, view)
-            arrays = arrays._replace(pm=enlarged_map(arrays.pm), view=view)
-        self._arrays[row] = arrays
+        if not breadcrumbs.ensure_room():
+            self._enlarge_map(row)
+            return
+        crumbs, graph = breadcrumbs.crumbs, breadcrumbs.tree.graph
+        self._arrays[row] = arrays._replace(crumbs=crumbs, graph=graph)
         self._set_addresses(row)
+
+    def _enlarge_map(self, row: int) -> None:
+        """Double the capacity of one robot's map and view."""
+        arrays = self._arrays[row]
+        view = empty_view(2 * len(arrays.view.slots))
+        copy_view(arrays.view, view)
+        self._arrays[row] = arrays._replace(pm=enlarged_map(arrays.pm), view=view)
+        self._set_addresses(row)
+
+    def _has_room(self, row: int, beams: int) -> bool:
+        """Return whether one robot's arrays have room for a view of any scan, and for a visit."""
+        pm, view = self._arrays[row].pm, self._arrays[row].view
+        visits = pm.counts[VISIT] + 2
+        has_visits = visits < len(pm.reobserved)
+        return bool(room_left(pm) >= 2 * beams and has_visits and len(view.slots) >= beams)
 
     def _arguments(self, laser: LaserGeometry) -> tuple[Any, ...]:
         """Return the arguments of `step_robots`."""

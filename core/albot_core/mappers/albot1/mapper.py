@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.places.events import Event
@@ -16,7 +16,7 @@ from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.wayfinding import pointing, way_lines
 from albot_core.mappers.mapper import Estimate, MapperSpec, PlaceMatches, WayHome
 from albot_core.maps.layers import MapSnapshot
-from albot_core.sensing.reading import Reading
+from albot_core.sensing.reading import LaserScan, Reading
 
 _ITSELF = np.zeros(1, np.int64)
 """The row of a batch of one."""
@@ -69,6 +69,10 @@ class Albot1:
         laser = reading.required_laser(self._name)
         self._robot.follow(_ITSELF, laser.ranges[None], reading.motion[None], laser.geometry)
         return self.updates > before
+
+    def resume(self, pose: Pose, scan: LaserScan) -> None:
+        """Continue at a pose on the map; the next reading's motion begins there."""
+        self._robot.resume(0, pose, scan)
 
     @property
     def spec(self) -> MapperSpec:

@@ -40,6 +40,9 @@ from albot_core.matching.likelihood_field import LikelihoodField
 from albot_core.matching.refinement import refine
 from albot_core.sensing.reading import LaserScan, Reading
 
+_RESUMED = (0.1, 0.1, math.radians(2.0))
+"""Standard deviations of the pose at which a map is resumed (m, m, rad)."""
+
 
 class Keyframe(NamedTuple):
     """A scan that has a node in the graph."""
@@ -180,6 +183,33 @@ class GraphSlam(StoredMapper):
             information = self._edge_information(match.information + information, self._pose)
         motion = relative(graph.poses[-2], self._pose)
         graph.add(number - 1, number, motion, information, closes=False)
+
+    def resume(self, pose: Pose, scan: LaserScan) -> None:
+        """Continue at a pose on the map; the next reading's motion begins there.
+
+        The scan becomes a keyframe. Its edge from the previous one, which was taken elsewhere, is
+        the relative pose on the map, known as well as localisation knows it. Loops are closed
+        between it and the keyframes nearby.
+
+        Raises:
+            InputError: The laser differs from that of the map.
+        """
+        if self._keyframes and scan.geometry != self._keyframes[0].scan.geometry:
+            raise InputError("Reading.laser", "the laser with which the map was made", "another")
+        points = scan_points(scan, self.config.matching)
+        self._pose, self._is_localised = pose.copy(), True
+        self._keyframes.append(Keyframe(scan, points, len(self._offsets)))
+        self.graph.add_pose(self._pose)
+        last = len(self._keyframes) - 1
+        if last:
+            information = np.diag(1.0 / np.array(_RESUMED) ** 2)
+            motion = relative(self.graph.poses[-2], self._pose)
+            self.graph.add(last - 1, last, motion, information, closes=False)
+        self._local.keep(self._pose, points.surface)
+        self._followed.append(last)
+        self._offsets.append(np.zeros(3))
+        self._match_places(self._close_loops())
+        self._version += 1
 
     def _edge_information(
         self, information: Float64[np.ndarray, "3 3"], pose: Pose

@@ -153,6 +153,45 @@ class OdometerErrors:
         np.maximum(self.variances, 0.25 * found, out=self.variances)
 
 
+def match_scan(
+    field: LikelihoodField,
+    scan: ScanPoints,
+    guess: Pose,
+    errors: OdometerErrors,
+    config: MatchingConfig,
+) -> Match:
+    """Match a scan with a map.
+
+    Args:
+        field: The likelihood field of the map.
+        scan: The scan.
+        guess: The odometer's pose of the scan (map frame).
+        errors: The errors of such guesses, which the match adds to.
+        config: All parameters; those of the field and of the local map are not used.
+    """
+    slip, turn = errors.deviations
+    prior = 0.5 / np.array((slip, slip, turn)) ** 2
+    window = Window(
+        min(config.deviations * slip, config.wide_reach),
+        min(config.deviations * turn, config.wide_turn),
+        config.heading_step,
+    )
+    best = correlate(field, scan.points, guess, window, prior)
+    if best.at_border or best.response < config.sure:
+        widest = Window(config.wide_reach, config.wide_turn, config.heading_step)
+        loose = 0.5 / np.array((config.wide_reach, config.wide_reach, config.wide_turn)) ** 2
+        wide = correlate(field, scan.points, guess, widest, loose)
+        if wide.response > best.response + config.gain:
+            best, prior = wide, loose
+    if best.response < config.poor:
+        return Match(guess, np.zeros((3, 3)), best.response, False)
+    found = refine(field, scan.points, scan.normals, best.pose, guess, prior)
+    errors.measure(guess, found.pose)
+    pose = found.pose
+    pose[2] = wrap_angle(pose[2])
+    return Match(pose, found.information / config.correlated, found.response, True)
+
+
 class LocalMap(Stored):
     """The latest kept scans, and the matching with them.
 
@@ -181,34 +220,8 @@ class LocalMap(Stored):
         self._field.clear(np.zeros(2))
 
     def match(self, scan: ScanPoints, guess: Pose) -> Match:
-        """Match a scan.
-
-        Args:
-            scan: The scan.
-            guess: The odometer's pose of the scan (map frame).
-        """
-        config = self.config
-        slip, turn = self.errors.deviations
-        prior = 0.5 / np.array((slip, slip, turn)) ** 2
-        window = Window(
-            min(config.deviations * slip, config.wide_reach),
-            min(config.deviations * turn, config.wide_turn),
-            config.heading_step,
-        )
-        best = correlate(self._field, scan.points, guess, window, prior)
-        if best.at_border or best.response < config.sure:
-            widest = Window(config.wide_reach, config.wide_turn, config.heading_step)
-            loose = 0.5 / np.array((config.wide_reach, config.wide_reach, config.wide_turn)) ** 2
-            wide = correlate(self._field, scan.points, guess, widest, loose)
-            if wide.response > best.response + config.gain:
-                best, prior = wide, loose
-        if best.response < config.poor:
-            return Match(guess, np.zeros((3, 3)), best.response, False)
-        found = refine(self._field, scan.points, scan.normals, best.pose, guess, prior)
-        self.errors.measure(guess, found.pose)
-        pose = found.pose
-        pose[2] = wrap_angle(pose[2])
-        return Match(pose, found.information / config.correlated, found.response, True)
+        """Match a scan with the latest ones (see `match_scan`)."""
+        return match_scan(self._field, scan, guess, self.errors, self.config)
 
     def is_due(self, pose: Pose) -> bool:
         """Return whether the robot moved or turned far enough for its scan to be kept."""

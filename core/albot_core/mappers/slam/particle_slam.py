@@ -141,6 +141,17 @@ class ParticleSlam(StoredMapper, ABC):
         self._offsets.append(self._motion.copy())
         return is_due
 
+    def resume(self, pose: Pose, scan: LaserScan) -> None:
+        """Continue at a pose on the map; the next reading's motion begins there.
+
+        All particles begin there. Their maps differ by less than the next scans correct.
+        """
+        self._local.reset()
+        self._pose, self._is_localised = np.zeros(3), True
+        self._local.keep(self._pose, scan_points(scan, self.config.matching).surface)
+        self._particles.poses[:] = pose
+        self._motion, self._way = np.zeros(3), np.zeros(2)
+
     @property
     @abstractmethod
     def _weight_gain(self) -> float:

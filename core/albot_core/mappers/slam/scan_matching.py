@@ -22,7 +22,7 @@ from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_poi
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
-from albot_core.sensing.reading import Reading
+from albot_core.sensing.reading import LaserScan, Reading
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +110,15 @@ class ScanMatching(StoredMapper):
             self._kept_at = len(self._poses)
         self._poses.append(self._pose)
         return is_kept
+
+    def resume(self, pose: Pose, scan: LaserScan) -> None:
+        """Continue at a pose on the map; the next reading's motion begins there.
+
+        As always, later scans are matched with the latest ones alone.
+        """
+        self._local.reset()
+        self._local.keep(pose, scan_points(scan, self.config.matching).surface)
+        self._pose, self._is_localised = pose, True
 
     @property
     def way_home(self) -> WayHome:

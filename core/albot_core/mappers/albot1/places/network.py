@@ -288,6 +288,21 @@ class PlaceNetwork:
         if not self.lost_since:
             self.lost_since = len(self.visits) - 1
 
+    def resume(self, seen: Segments, pose: Pose, place: int | None) -> None:
+        """Leave the present place without crossing an exit, and begin a visit at another pose.
+
+        Args:
+            seen: The surfaces of the map that were seen in the visit that ends (m).
+            pose: The robot's pose in the map.
+            place: The id of the place there; None for a new one.
+        """
+        self._close(seen)
+        entered = self._new_place(pose).id if place is None else place
+        self.begin_leg(pose, is_aligned=True)
+        self.breadcrumbs.break_off()
+        self.lost_since, self.hypotheses = 0, ()
+        self._begin_visit(entered)
+
     def _close(self, seen: Segments) -> LearnedPlace:
         """Add what was seen to the description of the present place, which the robot leaves."""
         left = self.here
