@@ -32,8 +32,7 @@ class TaskInterface(Generic[Robots]):
         robots: Number of robots.
         threads: Threads that share the work; None for one per processor.
         mapper, odometer, laser, sonar, scenes, compass, observation, action, movables, reveal,
-            faults,
-            robot: See `CommonSettings`.
+            faults, robot: See `CommonSettings`.
         of_task: The task's own settings, which are the keywords of its class.
 
     Raises:
