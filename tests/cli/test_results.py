@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import signal
@@ -89,6 +90,94 @@ def test_the_page_alone(tmp_path: Path, call: Callable[..., Result]) -> None:
     assert not (out / "results.md").exists()
 
 
+BOTH = (*EXPLORE, "--agent", "gap-explorer", "--agent", "random", "--json")
+
+
+def test_runs_of_several_machines_add_up_to_one(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    """The page of a run of all is that of two parts of it, by files or folders, to the byte."""
+    whole, first, second = (tmp_path / name for name in ("whole", "first", "second"))
+    call("results", "--out", whole, *BOTH, "--episodes", 3)
+    call("results", "--out", first, *RANDOM, "--episodes", 3)
+    part = tmp_path / "part.jsonl.gz"
+    run = ("results", "--out", second, *BOTH, "--episodes", 2, "--rows", part)
+    assert figures(call(*run))["files"]["rows"] == str(part)
+    merged, rows = tmp_path / "merged", tmp_path / "rows.jsonl.gz"
+    found = figures(
+        call("results", "--out", merged, "--from", part, "--from", first, *BOTH,
+             "--episodes", 3, "--rows", rows)
+    )  # fmt: skip
+    assert found["missing"] == 0
+    assert [row["episodes"] for row in found["rows"]] == [3, 3]
+    # Only the third episode of the explorer was run here.
+    timed = json.loads((merged / "times.json").read_text())["cells"]
+    assert {name: each["episodes"] for name, each in timed.items()} == {
+        "explore-v0/mazes/pioneer/gap-explorer@albot1": 1
+    }
+    again = tmp_path / "again"
+    call("results", "--out", again, "--from", rows, "--episodes", 0)
+    for name in ("results.md", "results.json"):
+        assert (merged / name).read_bytes() == (whole / name).read_bytes()
+        assert (again / name).read_bytes() == (whole / name).read_bytes()
+    call("results", "--out", whole, "--episodes", 0, "--rows", tmp_path / "whole.jsonl.gz")
+    assert (tmp_path / "whole.jsonl.gz").read_bytes() == rows.read_bytes()
+
+
+def test_a_file_that_contradicts_the_folder_is_refused_before_anything_is_written(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    out, rows = tmp_path / "results", tmp_path / "rows.jsonl.gz"
+    call("results", "--out", out, *RANDOM, "--episodes", 2, "--rows", rows)
+    text = gzip.decompress(rows.read_bytes()).decode()
+    changes = {
+        "result": (text.replace('"steps":10', '"steps":11', 1), "expected the result of random"),
+        "twice": ("\n".join([*text.splitlines()[:2], text.splitlines()[1]]), "once, found"),
+        "protocol": (text.replace('"protocol":1', '"protocol":2'), "results of protocol 1"),
+        "version": (text.replace('"version":"', '"version":"9'), "figures of albot-env"),
+        "torn": (text[:-9], "valid JSON"),
+    }
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for name, (changed, said) in changes.items():
+        file = tmp_path / f"{name}.jsonl.gz"
+        file.write_bytes(gzip.compress(changed.encode()))
+        words = ("--from", file, *RANDOM, "--episodes", 3)
+        expect_error(call("results", "--out", out, *words), said, file.name)
+        assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+        if name != "result":
+            expect_error(call("results", "--out", tmp_path / "new", *words), said)
+            assert not (tmp_path / "new").exists()
+
+
+def test_rows_of_other_sources_are_shown_but_not_added_to(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    out, rows = tmp_path / "results", tmp_path / "rows.jsonl.gz"
+    call("results", "--out", out, *RANDOM, "--episodes", 2, "--rows", rows)
+    first, *lines = map(json.loads, gzip.decompress(rows.read_bytes()).splitlines())
+    lines = [line | {"sources": "0123456789abcdef"} for line in lines]
+    rows.write_bytes(gzip.compress("\n".join(map(json.dumps, [first, *lines])).encode()))
+    new = tmp_path / "new"
+    result = call("results", "--out", new, "--from", rows, *RANDOM, "--episodes", 3)
+    expect_error(result, "expected results of the installed sources of random", rows.name)
+    assert not new.exists()
+    call("results", "--out", new, "--from", rows, "--episodes", 0)
+    assert "**Of other sources:** 1 cells" in (new / "results.md").read_text()
+
+
+def test_the_time_of_a_row_is_told(tmp_path: Path, call: Callable[..., Result]) -> None:
+    out = tmp_path / "results"
+    (time_,) = figures(call("results", "--out", out, *RANDOM, "--episodes", 2, "--json"))["times"]
+    spent = json.loads((out / "times.json").read_text())["cells"]
+    assert spent["explore-v0/mazes/pioneer/random@none"]["episodes"] == 2
+    seconds = spent["explore-v0/mazes/pioneer/random@none"]["seconds"]
+    assert seconds > 0
+    assert time_["seconds"] == pytest.approx(50 * seconds)
+    assert (time_["episodes"], time_["slowest"]) == (100, "mazes, pioneer")
+    said = call("results", "--out", out, *RANDOM, "--episodes", 2).stdout
+    assert "Albot/Explore-v0 random (none): the 100 episodes of 1 cells take" in said
+
+
 def test_ctrl_c_leaves_a_page_and_the_status_of_a_stopped_command(
     tmp_path: Path, call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +209,8 @@ def test_ctrl_c_leaves_a_page_and_the_status_of_a_stopped_command(
         ),
         (("--episodes", "101", *EXPLORE), "--episodes: expected 100 at most, the protocol's, fou"),
         (("--episodes", "0"), "expected a folder with results, found none"),
+        (("--rows", "rows.csv"), "--rows: expected a name that ends in .jsonl.gz, found rows.csv"),
+        (("--rows", "nowhere/rows.jsonl.gz"), "nowhere"),
         (("--page", "page.txt"), "--page: expected a name that ends in .md"),
         (("--page", "nowhere/page.md"), "nowhere"),
     ],
@@ -156,7 +247,7 @@ def test_the_page_alone_needs_results_but_no_plans(
     assert "complete" not in result.stdout
 
 
-@pytest.mark.parametrize("name", ["costs.json", "agents/mine.json"])
+@pytest.mark.parametrize("name", ["costs.json", "times.json", "agents/mine.json"])
 def test_a_damaged_file_is_found_before_the_work(
     tmp_path: Path, call: Callable[..., Result], name: str
 ) -> None:

@@ -21,8 +21,11 @@ from PIL import Image
 from albot_agents.benchmark.cell import Cell
 from albot_agents.benchmark.costs import read_costs
 from albot_agents.benchmark.entrant import find_entrant
-from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.benchmark.folder import AgentRecord, ResultsFolder
 from albot_agents.benchmark.page import Report, render_page
+from albot_agents.benchmark.protocol import find_protocol
+from albot_agents.benchmark.rows_file import Results, read_results, write_rows
+from albot_agents.benchmark.times import read_times
 from albot_agents.registry import find_agent
 from albot_agents.task import config_kind
 from albot_agents.trained.agent_file import read_agent
@@ -264,6 +267,10 @@ def _write_card(folder: Path) -> None:
     write_card(agent, "a", folder / "card.md", [figures])
 
 
+_FACTS = {
+    "task": "Albot/Homing-v0", "fingerprint": "ab", "samples": 9, "asked": 8, "algorithm": "ppo",
+    "seed": 1, "command": "albot train", "seconds": 2.5, "mapper": "none",
+}  # fmt: skip
 _CELL = Cell(task="Albot/Homing-v0", agent="a", mapper="none", odometer="poor", worlds="offices")
 
 
@@ -291,6 +298,25 @@ def _read_results(folder: Path) -> None:
     (results / "agents").mkdir()
     shutil.copy(folder / "agent.json", results / "agents" / "a.json")
     render_page(Report.of(ResultsFolder(results)))
+
+
+def _write_rows(folder: Path) -> None:
+    found = made_up(_CELL, 2)
+    record = AgentRecord(facts=_FACTS, plan="task: homing")
+    results = Results(
+        source=folder, cells={_CELL: found}, agents={"a": record}, costs={"albot1": 2.5}
+    )
+    write_rows(results, find_protocol(), folder / "rows.jsonl.gz")
+    packed = folder / "rows.jsonl.gz"
+    (folder / "rows.jsonl").write_bytes(gzip.decompress(packed.read_bytes()))
+
+
+def _read_rows(folder: Path) -> None:
+    out = ResultsFolder(folder / "results")
+    shutil.rmtree(out.path, ignore_errors=True)
+    for name in ("rows.jsonl.gz", "rows.jsonl"):
+        read_results(folder / name, out.protocol).write(out)
+    render_page(Report.of(out))
 
 
 # Trainings.
@@ -370,6 +396,19 @@ READERS: tuple[Reader, ...] = (
         functions=(ResultsFolder,),
         write=_write_results,
         read=_read_results,
+    ),
+    Reader(
+        name="rows of results",
+        functions=(read_results,),
+        write=_write_rows,
+        read=_read_rows,
+    ),
+    one_file(
+        "times of results",
+        "times.json",
+        '{"cells": {"homing-v0/offices/poor/a@none": {"episodes": 2, "seconds": 1.5}}}',
+        lambda path: read_times(path.parent),
+        read_times,
     ),
     Reader(
         name="demonstrations",
