@@ -262,7 +262,7 @@ def _in_the_way(world: World) -> Segments:
     return np.concatenate((world.walls, *sides))
 
 
-def measure(
+def measure_all(
     faults: Sequence[str], mappers: Sequence[str], seeds: range, worlds: str = WORLDS
 ) -> list[Survival]:
     """Let each fault strike each mapper in each world.
@@ -291,7 +291,7 @@ def measure(
 Figures = Mapping[str, Any]
 
 
-def figures(runs: Sequence[Survival], seeds: range, worlds: str) -> dict[str, Any]:
+def figures(runs: Sequence[Survival], seeds: range, worlds: str = WORLDS) -> dict[str, Any]:
     """Return what JSON holds of the runs, and the counts for the table."""
     faults, mappers = (
         list(dict.fromkeys(getattr(run, name) for run in runs)) for name in ("fault", "mapper")
@@ -395,7 +395,7 @@ def command(
     chosen = parse_seeds(seeds)
     if out is not None:
         make_folder(out)
-    runs = measure(faults or tuple(FAULTS), mappers, chosen, worlds)
+    runs = measure_all(faults or tuple(FAULTS), mappers, chosen, worlds)
     measured = figures(runs, chosen, worlds)
     click.echo(table(measured), nl=False)
     if out is not None:
