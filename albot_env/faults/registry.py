@@ -12,9 +12,21 @@ from albot_core.sensing.faults.registry import (
     parse_faults,
     spec_of,
 )
+from albot_env.faults.world_faults import (
+    DoorShut,
+    FurnitureMoved,
+    Kidnap,
+    PersonInExit,
+    Turned,
+    WorldFault,
+)
 from albot_env.sim.sensors import Sensors
 
-FAULTS: Mapping[str, type[Fault]] = {**READING_FAULTS}
+WORLD_FAULTS: Mapping[str, type[WorldFault]] = {
+    each.name: each for each in (Kidnap, Turned, DoorShut, FurnitureMoved, PersonInExit)
+}
+"""The faults of the world by name."""
+FAULTS: Mapping[str, type[Fault]] = {**READING_FAULTS, **WORLD_FAULTS}
 """All faults by name."""
 
 
@@ -27,14 +39,22 @@ def faults_text(specs: Any) -> str:
     return spec_of(parse_faults(specs, FAULTS))
 
 
-def choose_faults(specs: Any, sensors: Sensors, environment: str) -> tuple[Fault, ...]:
+def choose_faults(
+    specs: Any, sensors: Sensors, environment: str, *, movables: bool
+) -> tuple[Fault, ...]:
     """Return the faults of an environment's setting, checked against the robot's sensors.
+
+    Args:
+        specs: The setting.
+        sensors: The robot's sensors.
+        environment: Id of the environment, for errors.
+        movables: Whether doors, boxes and people are simulated.
 
     Raises:
         InputError: A fault is unknown or its parameters are not valid; or it needs a sensor that
-            the robot lacks.
+            the robot lacks, or something that can be moved.
     """
     faults = parse_faults(specs, FAULTS, f"{environment}, faults")
-    there = {*sensors.available, "contact", "world"}
+    there = {*sensors.available, "contact", "world"} | ({"movables"} if movables else set())
     check_needs(faults, there, "the robot", f"{environment}, faults")
     return faults

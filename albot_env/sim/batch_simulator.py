@@ -281,6 +281,28 @@ class BatchSimulator:
         self._obstacles.restore(row, snapshot.obstacles)
         self._placements[row] = Placement(snapshot.pose, snapshot.key, snapshot.obstacles)
 
+    def relocate(self, row: int, world: World, pose: Pose | None, boxes: int) -> None:
+        """Put a robot at rest in mid-episode, elsewhere or into a changed world.
+
+        Its sensors count on, and the obstacles stay as they are. A robot's motion depends on this
+        and on what follows alone.
+
+        Args:
+            row: The robot.
+            world: The world: the robot's own; or the same with other walls, or with other boxes
+                after the first ones.
+            pose: Where it is put (world frame); None for where it is.
+            boxes: Number of boxes that stay as they are; the others begin anew.
+        """
+        before, outputs = self.snapshot(row), self._sensors.outputs
+        camera, touched = outputs.cameras[row].copy(), self._robots.touched[row].copy()
+        self.place(row, world, before.pose if pose is None else pose, before.key)
+        obstacles = self._obstacles.snapshot(row).with_known(before.obstacles, boxes)
+        self._robots.counts[row], self._robots.touched[row] = before.odometer, touched
+        outputs.readings[row], outputs.cameras[row] = before.readings, camera
+        self._obstacles.restore(row, obstacles)
+        self._placements[row] = Placement(self.states[row, :3].copy(), before.key, obstacles)
+
     def state(self, row: int) -> SimulatorState:
         """Return the state of a robot that has been placed (copies).
 

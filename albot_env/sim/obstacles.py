@@ -42,6 +42,22 @@ class ObstacleSnapshot(NamedTuple):
     bodies: Float64[np.ndarray, "bodies 6"]
     """x, y, heading, velocity x, y, turn rate of their bodies (m, rad, s; world frame)."""
 
+    def with_known(self, known: ObstacleSnapshot, boxes: int) -> ObstacleSnapshot:
+        """Return these obstacles in the state of a snapshot of the same ones.
+
+        Args:
+            known: The snapshot. After the first boxes it may have others, or none.
+            boxes: Number of boxes that are the same; the others stay as they are.
+        """
+        tables, bodies, mine, its = {}, [], 0, 0
+        for kind, table in self.tables.items():
+            other = known.tables[kind]
+            count, both = len(table), len(table) if kind != "boxes" else boxes
+            tables[kind] = np.concatenate((other[:both], table[both:]))
+            bodies += [known.bodies[its : its + both], self.bodies[mine + both : mine + count]]
+            mine, its = mine + count, its + len(other)
+        return ObstacleSnapshot(tables, np.concatenate(bodies))
+
 
 _ADDRESS_FIELDS = ("body_index", "body_address", "first")
 """Fields of records that hold indices or addresses, which differ between spaces."""

@@ -39,7 +39,8 @@ ROBOTS = ("pioneer-3dx", "kobuki", "peoplebot")
 FAULTS = (
     "laser-dropout", "stuck-beams", "blind-sector", "frozen-scan", "saturated-sonars",
     "odometer-jump", "frozen-odometer", "wheel-slip", "lost-readings", "doubled-readings",
-    "swapped-readings", "late-readings",
+    "swapped-readings", "late-readings", "kidnap", "turned", "door-shut", "furniture-moved",
+    "person-in-exit",
 )  # fmt: skip
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """Kinds of random worlds."""

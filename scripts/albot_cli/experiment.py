@@ -45,6 +45,7 @@ STUDIES = {
     "disturbed-logs": "Map logs under every disturbance: docs/robustness.md.",
     "example-log": "Make the small log that comes with the project.",
     "false-closures": "Add false loop closures to graph SLAM's map of a log.",
+    "fault-survival": "Count the mappers that survive faults on purpose: docs/reliability.md.",
     "homing-distances": "Measure homing after journeys of 10 to 160 m: docs/homing_distances.md.",
     "kidnapped-robots": "Count the kidnapped robots that notice it.",
     "learning-curves": "Measure how networks learn the tasks: docs/learning.md.",

@@ -19,7 +19,7 @@ from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_reliability import fuzzing, injected_faults, interruptions
+from albot_reliability import fuzzing, injected_faults, interruptions, survival
 
 Figures = Mapping[str, Any]
 
@@ -42,6 +42,9 @@ SECTIONS: Mapping[str, Section] = {
     ),
     "fuzzing": Section(
         measure=lambda share, jobs, _: fuzzing.measure(share, jobs), render=fuzzing.render
+    ),
+    "survival": Section(
+        measure=lambda share, _, before: survival.measure(share, before), render=survival.render
     ),
     "faults": Section(measure=injected_faults.measure, render=injected_faults.render),
 }

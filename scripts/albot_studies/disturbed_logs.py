@@ -25,6 +25,7 @@ from albot_core.files import make_folder, write_text
 from albot_core.logs.disturbed import DISTURBANCES, disturbed
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log, read_reference
+from albot_core.sensing.faults.registry import READING_FAULTS, parse_faults
 
 LOGS = {
     "intel": ("intel_raw.json.gz", "intel_reference.json.gz"),
@@ -64,10 +65,15 @@ def ate(trajectory: Trajectory, truth: Trajectory, log: Log) -> float:
     return error.rmse
 
 
-def measure(log: Log, truth: Trajectory, mapper: str, runs: int) -> list[dict[str, Any]]:
-    """Return one row per disturbance: the errors of mapper and odometer over `runs` runs (m)."""
+def measure(
+    log: Log, truth: Trajectory, mapper: str, runs: int, faults: tuple[str, ...] = ()
+) -> list[dict[str, Any]]:
+    """Return one row per disturbance: the errors of mapper and odometer over `runs` runs (m).
+
+    With `faults`, specs of faults of readings, these strike instead; `noise` is always the first.
+    """
     rows: list[dict[str, Any]] = []
-    for disturbance in DISTURBANCES:
+    for disturbance in ("noise", *faults) if faults else DISTURBANCES:
         errors, odometers = [], []
         for seed in range(runs):
             worse = disturbed(log, disturbance, seed)
@@ -95,7 +101,9 @@ def table(measured: dict[str, Any]) -> str:
     ]
     for name, found in measured["logs"].items():
         base = np.array(found["rows"][0]["ate_m"])
-        for row in [*found["rows"], pooled(found["rows"])]:
+        rows = found["rows"]
+        pool = [pooled(rows)] if any(row["disturbance"] in POOLED for row in rows) else []
+        for row in [*rows, *pool]:
             errors, odometers = np.array(row["ate_m"]), np.array(row["odometer_ate_m"])
             worse = int((errors > odometers + SAME).sum())
             ratio = f"{np.median(errors) / np.median(base):.2f}"
@@ -142,9 +150,24 @@ def page(measured: dict[str, Any], command: str) -> str:
 @click.option("--log", "names", multiple=True, type=click.Choice(sorted(LOGS)), help="Only this.")
 @click.option("--mapper", default="albot1", show_default=True)
 @click.option("--runs", default=20, show_default=True, type=CountType(1))
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    metavar="SPEC",
+    help="Strike with these faults instead (docs/faults.md); repeatable.",
+)
 @click.option("--out", type=PathType(), help="Where both files go.")
-def command(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: Path | None) -> None:
+def command(
+    folder: Path,
+    names: tuple[str, ...],
+    mapper: str,
+    runs: int,
+    faults: tuple[str, ...],
+    out: Path | None,
+) -> None:
     """Map the logs in FOLDER under every disturbance, many times."""
+    parse_faults(faults, READING_FAULTS, "--fault")
     if out is not None:
         make_folder(out)
     measured: dict[str, Any] = {"mapper": mapper, "runs": runs, "logs": {}}
@@ -153,11 +176,12 @@ def command(folder: Path, names: tuple[str, ...], mapper: str, runs: int, out: P
         run = run_mapper(mapper, None, log, lambda _: None)
         error = ate(run.corrected or run.believed, truth, log)
         click.echo(f"{name}: {error:.2f} m as recorded", err=True)
-        rows = measure(log, truth, mapper, runs)
+        rows = measure(log, truth, mapper, runs, faults)
         measured["logs"][name] = {"ate_m": error, "rows": rows}
     click.echo(table(measured), nl=False)
     if out is not None:
         options = f"--mapper {mapper} --runs {runs} --out OUT"
+        options = "".join(f"--fault {fault} " for fault in faults) + options
         write_text(out / "robustness.json", json.dumps(measured, indent=1) + "\n")
         write_text(
             out / "robustness.md",

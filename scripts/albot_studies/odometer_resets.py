@@ -8,7 +8,6 @@ recorded.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from albot_cli.mapping_run import run_mapper
 from albot_cli.path_type import PathType
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import write_text
-from albot_core.logs.disturbed import with_reset
+from albot_core.logs.disturbed import with_faults
 from albot_core.logs.log import Log
 from albot_studies.disturbed_logs import LOGS, ate, known_log
 
@@ -60,11 +59,12 @@ def measure(log: Log, truth: Trajectory, mapper: str, scans: int) -> list[dict[s
     undisturbed, rng, rows = error(log), np.random.default_rng(0), []
     for length in JUMPS:
         differences, found = [], 0
-        for turns in (False, True):
-            for scan in rng.integers(_EDGE, len(log.stamps) - _EDGE, scans).tolist():
-                way, turn = rng.uniform(-math.pi, math.pi, 2)
-                jump = np.array((length * math.cos(way), length * math.sin(way), turn * turns))
-                wrong = with_reset(log, scan, jump)
+        for turn in ("0deg", "0..180deg"):
+            for drawn in rng.integers(_EDGE, len(log.stamps) - _EDGE, scans).tolist():
+                scan = int(np.searchsorted(log.times, log.times[drawn]))  # The first of that time.
+                moment = float(log.times[scan] - log.times[0])
+                jump = f"odometer-jump:at={moment!r}s,length={length}m,turn={turn}"
+                wrong = with_faults(log, jump, int(rng.integers(2**32)))
                 differences.append(error(wrong) - undisturbed)
                 found += [reset.scan for reset in wrong.resets] == [scan]
         rows.append({"jump_m": length, "differences_m": differences, "found": found})

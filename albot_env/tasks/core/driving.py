@@ -31,6 +31,7 @@ from albot_env.tasks.core.faulty_readings import (
     TakenReadings,
     faults_of_readings,
 )
+from albot_env.tasks.core.faulty_world import WORLD_STREAM, FaultyWorlds, faults_of_world
 from albot_env.tasks.core.observation import ObservationConfig, revealed
 from albot_env.tasks.core.observation_builder import ObservationBuilder
 from albot_env.tasks.core.parts.beliefs import TIME_LEFT
@@ -102,6 +103,8 @@ class DrivingTask(Task):
             self._faulty = FaultyReadings(robots, of_readings, *sensors.geometries)
             if mappers is not None:
                 self._matcher = TakenReadings(robots, mappers, self._faulty)
+        of_world = faults_of_world(equipment.faults)
+        self._struck = FaultyWorlds(robots, of_world, WORLD_STREAM) if of_world else None
         self._threads = ThreadPool(equipment.threads)
         self.ground_laser = sensors.ground_laser.geometry
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
@@ -166,6 +169,8 @@ class DrivingTask(Task):
         self._simulator.place(row, world, start, key)
         if self._faulty is not None:
             self._faulty.begin(row, key)
+        if self._struck is not None:
+            self._struck.begin(row, world, key)
         stats = self._stats
         stats.reachable[row] = self._builder.begin(row, world)
         if self._mappers is not None:
@@ -191,6 +196,35 @@ class DrivingTask(Task):
         steps = self._stats.steps
         steps += 1
         self.observations = np.empty_like(self.observations)
+        if self._struck is not None:
+            for row in self._everyone.tolist():
+                if self._struck.has_begun(row):
+                    self._strike(row, self._struck)
+
+    def _strike(self, row: int, worlds: FaultyWorlds) -> None:
+        """Let the faults of the world strike a robot that are due."""
+        steps, driven = int(self.steps[row]), float(self.path_lengths[row])
+        if steps == 1:
+            worlds.set_out(row, driven)
+        pose, home = self._simulator.states[row, :3].copy(), self.starts[row, :2]
+        struck = worlds.strike(row, steps * CONTROL_STEP, driven, pose, home)
+        if struck is None:
+            return
+        boxes = len(worlds.base(row).movables.boxes)
+        self._simulator.relocate(row, struck.world, struck.pose, boxes)
+        self._worlds[row] = struck.world
+        self._builder.change_world(row, struck.world)
+        if struck.pose is not None:  # Nobody drives there.
+            self._stats.before[row] = struck.pose[:2]
+        self._on_strike(row, struck.way)
+
+    def _on_strike(self, row: int, way: Segments | None) -> None:
+        """Take in that a fault struck a robot's world: it is elsewhere, or its way home is another.
+
+        Args:
+            row: The robot.
+            way: What is in its way from now on; None if that is as before.
+        """
 
     def observe(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Let all robots, or those in `rows`, sense, map and observe; compute their rewards."""
@@ -259,9 +293,14 @@ class DrivingTask(Task):
         names = np.full(len(self._everyone), "", object)
         counts = np.zeros(len(self._everyone), np.int64)
         for row in self._everyone.tolist():
-            if self._worlds[row] is not None and self._faulty is not None:
-                names[row] = "+".join(self._faulty.active(row))
-                counts[row] = self._faulty.struck(row)
+            if self._worlds[row] is None:
+                continue
+            active: tuple[str, ...] = ()
+            for faulty in (self._faulty, self._struck):
+                if faulty is not None:
+                    active += faulty.active(row)
+                    counts[row] += faulty.struck(row)
+            names[row] = "+".join(active)
         return {"fault": names, "faults_struck": counts}
 
     @property
@@ -315,6 +354,11 @@ class DrivingTask(Task):
         return self._nothing if self._mappers is None else self._mappers.segment_counts
 
     @property
+    def lost(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each robot believes to be lost; never without a mapper that can tell."""
+        return self._state.is_lost
+
+    @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
         """Number of changes of each map."""
         return self._nothing if self._mappers is None else self._mappers.map_versions
@@ -336,7 +380,14 @@ class DrivingTask(Task):
 
     def dynamic_obstacles(self, row: int) -> Segments:
         """Return the outlines of the moving obstacles around a robot now (world frame)."""
-        return self._simulator.obstacles(row)
+        obstacles = self._simulator.obstacles(row)
+        if self._struck is None:
+            return obstacles
+        return np.concatenate((obstacles, self._struck.moved_walls(row)))
+
+    def given_world(self, row: int) -> World:
+        """Return the world of a robot as it was before any fault struck."""
+        return self.world(row) if self._struck is None else self._struck.base(row)
 
     @property
     def obstacle_outlines(self) -> tuple[Segments, Int64[np.ndarray, "robots 2"]]:
@@ -411,6 +462,7 @@ class DrivingTask(Task):
                 **copied_rows("beliefs", self._state, row, _KEPT_OF_BELIEFS),
                 **self._builder.state(row),
                 **({} if self._faulty is None else self._faulty.state(row)),
+                **({} if self._struck is None else self._struck.state(row)),
                 **self._task_state(row),
                 "matched": nobody if mappers is None else np.array(mappers.matched_readings[row]),
                 **{f"way.{name}": array for name, array in kept.items()},
@@ -423,19 +475,23 @@ class DrivingTask(Task):
 
         Args:
             row: The robot.
-            world: World of the state.
+            world: World of the state, before any fault struck.
             state: The state; it is not changed.
 
         Raises:
             InputError: As for `BatchSimulator.set_state`.
         """
         assert state.simulator is not None, "a robot that drives has a body"
+        key = int(state.simulator.sensors["keys"])
+        given = world
+        if self._struck is not None:
+            world = self._struck.set_state(row, given, key, state.arrays)
         self._simulator.set_state(row, world, state.simulator)
         self._worlds[row], self.world_names[row] = world, world.name
         if self._faulty is not None:
-            key = int(state.simulator.sensors["keys"])
             self._faulty.set_state(row, key, state.arrays)
-        self._builder.begin(row, world)
+        self._builder.begin(row, given)
+        self._builder.change_world(row, world)
         if self._mappers is not None and state.mapper is not None:
             self._mappers.restore(row, state.mapper)
             if isinstance(self._mappers, KeptWays):
@@ -446,7 +502,7 @@ class DrivingTask(Task):
         for table, arrays in (("stats", self._stats), ("beliefs", self._state)):
             put_rows(table, arrays, row, state.arrays)
         self._state.starts[row] = state.arrays["stats.starts"]
-        self._set_task_state(row, world, state.arrays)
+        self._set_task_state(row, given, state.arrays)
         self.detach_observations()
         self.observations[row] = state.arrays["observation"]
 

@@ -166,6 +166,11 @@ class ObservationBuilder:
         progress.moved[row] = np.inf
         return reachable
 
+    def change_world(self, row: int, world: World) -> None:
+        """Show a robot that observes the truth its world after a change, in mid-episode."""
+        if self._true_maps is not None:
+            self._true_maps.begin(row, world)
+
     def snapshot(self, row: int) -> ProgressSnapshot:
         """Return the ground covered and rooms entered by a robot so far (copies)."""
         progress = self.progress

@@ -310,7 +310,7 @@ def equip(
         sensors=sensors,
         movables=movables,
         reveal=bool(reveal),
-        faults=choose_faults(faults, sensors, environment),
+        faults=choose_faults(faults, sensors, environment, movables=bool(movables)),
         threads=threads,
     )
 

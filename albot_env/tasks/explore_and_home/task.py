@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from albot_core.robot import CONTROL_STEP
@@ -41,6 +41,7 @@ from albot_env.tasks.explore_and_home.reward import (
     new_explore_and_home_stats,
 )
 from albot_maps import World
+from albot_maps.geodesic import DistanceField
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +130,13 @@ class ExploreAndHomeTask(DrivingTask):
     def most_steps(self, row: int) -> int:
         """Return the time budget."""
         return int(self._trips.budgets[row])
+
+    def _on_strike(self, row: int, way: Segments | None) -> None:
+        if way is not None:
+            field = DistanceField(way, self.world(row).robot_radius, self.starts[row, :2])
+            self._fields = with_field(self._fields, row, field)
+        x, y, _ = self.poses[row].tolist()
+        update_way_home(row, x, y, self._fields, self._trips)
 
     def _task_state(self, row: int) -> Arrays:
         return {

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Bool, Int64
 
-from albot_core.geometry.types import Points, Pose
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import POSITIVE, check_fields
 from albot_core.robot import CONTROL_STEP
@@ -46,6 +46,7 @@ from albot_env.tasks.homing.reward import (
     new_homing_stats,
 )
 from albot_maps import World
+from albot_maps.geodesic import DistanceField
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +140,13 @@ class WayHomeTask(DrivingTask):
         self._cut_short[row] = journey.cut_short
         self._fields = with_field(self._fields, row, journey.field)
         x, y, _ = journey.end.body.pose.tolist()
+        update_way_home(row, x, y, self._fields, self._homing)
+
+    def _on_strike(self, row: int, way: Segments | None) -> None:
+        if way is not None:
+            field = DistanceField(way, self.world(row).robot_radius, self.starts[row, :2])
+            self._fields = with_field(self._fields, row, field)
+        x, y, _ = self.poses[row].tolist()
         update_way_home(row, x, y, self._fields, self._homing)
 
     def _task_state(self, row: int) -> Arrays:

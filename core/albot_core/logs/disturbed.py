@@ -8,14 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
-from albot_core.geometry.types import Pose
 from albot_core.logs.log import Log, with_noise
+from albot_core.sensing.faults.effect import ReadingFault
+from albot_core.sensing.faults.fault import Clock
+from albot_core.sensing.faults.injector import FaultInjector, packed
+from albot_core.sensing.faults.registry import READING_FAULTS, check_needs, parse_faults
 from albot_core.sensing.reading import LaserGeometry
 
 TURN_SCALE, TURN_FREEDOM = np.radians(4.0), 2
@@ -34,6 +38,8 @@ SAME_WALL = 0.3
 STRAIGHT = 0.05
 """So are points, however far apart, that lie no farther than this (m) from the straight line
 through their neighbours: of a wall that the beams meet at a grazing angle."""
+FROZEN = "frozen-odometer:at=0s,lasting=1000000s"
+"""An odometer that counts nothing from the first reading to the last."""
 NEAR = 8.0
 """Range of the near-sighted laser (m)."""
 
@@ -145,23 +151,43 @@ def _is_beside(
     return np.asarray(np.abs(across) < STRAIGHT * np.hypot(line[..., 0], line[..., 1]))
 
 
-def with_a_frozen_odometer(log: Log, _: np.random.Generator) -> Log:
-    """Return a copy of the log whose odometer reports no motion at all."""
-    return replace(log, odometry=np.repeat(log.odometry[:1], len(log.odometry), axis=0))
+def with_faults(log: Log, specs: Any, seed: int) -> Log:
+    """Return the log as it would be if faults had struck while it was recorded.
 
-
-def with_reset(log: Log, scan: int, jump: Pose) -> Log:
-    """Return a copy of the log whose odometer jumps before a scan, from which on it counts anew.
+    Distances of a schedule are the odometer's. A scan is where it arrived, with its own stamp, and
+    with the odometer's pose at its arrival.
 
     Args:
         log: The log.
-        scan: Index of the first scan after the jump, from 1.
-        jump: The jump (m, m, rad), in the robot's frame at the scan before. The motion between the
-            two scans is added.
+        specs: The faults of readings (see `parse_faults`).
+        seed: Selects the random streams of their schedules.
+
+    Raises:
+        InputError: A fault is unknown, its parameters are not valid, or it needs a sensor that the
+            log has not, or contact, which no log tells.
     """
-    motions = relative(log.odometry[:-1], log.odometry[1:])
-    motions[scan - 1] = compose(jump, motions[scan - 1])
-    return _with_motions(log, motions)
+    faults = [
+        fault
+        for fault in parse_faults(specs, READING_FAULTS, log.name)
+        if isinstance(fault, ReadingFault)
+    ]
+    check_needs(faults, log.sensors, log.name, log.name)
+    injector = FaultInjector(faults, (seed,), log.geometry, log.sonar)
+    travelled, arrived = 0.0, []
+    for reading in log.recorded_readings:
+        travelled += float(np.hypot(*reading.motion[:2]))
+        clock = Clock(reading.stamp - float(log.times[0]), travelled)
+        arrived += injector.feed(reading, clock)
+    scans = np.searchsorted(log.times, [reading.stamp for reading in arrived])
+    worse = log.with_scans(scans)
+    held = packed(arrived)
+    worse = replace(
+        worse,
+        ranges=None if log.ranges is None else held["ranges"],
+        echoes=None if log.echoes is None else held["echoes"],
+        scenes=None if log.scenes is None else held["scenes"],
+    )
+    return _with_motions(worse, held["motions"][1:])
 
 
 def _all(log: Log, rng: np.random.Generator) -> Log:
@@ -179,7 +205,7 @@ DISTURBANCES: dict[str, Callable[[Log, np.random.Generator], Log]] = {
     "views": without_every_third,
     "range": near_sighted,
     "fine": with_a_fine_laser,
-    "frozen": with_a_frozen_odometer,
+    "frozen": lambda log, rng: with_faults(log, FROZEN, int(rng.integers(2**32))),
     "all": _all,
 }
 """The disturbances by name; "noise" adds only the noise of `disturbed`."""
@@ -190,10 +216,15 @@ def disturbed(log: Log, disturbance: str, seed: int) -> Log:
 
     Args:
         log: The log.
-        disturbance: One of `DISTURBANCES`.
+        disturbance: One of `DISTURBANCES`; or faults of readings, as `laser-dropout:at=20m`.
         seed: Seed of the random numbers.
+
+    Raises:
+        InputError: As for `with_faults`; or the log has no laser, and the disturbance needs one.
     """
     rng = np.random.default_rng(seed)
+    if disturbance not in DISTURBANCES:
+        return with_faults(with_noise(log, rng), disturbance, seed)
     return DISTURBANCES[disturbance](with_noise(log, rng), rng)
 
 

@@ -111,6 +111,11 @@ class Log:
             motions[reset.scan] = reset.motion
         return [self._reading(scan, motion) for scan, motion in enumerate(motions)]
 
+    @property
+    def recorded_readings(self) -> list[Reading]:
+        """The readings as recorded: where the odometer jumps, so do they."""
+        return [self._reading(scan, motion) for scan, motion in enumerate(self._motions)]
+
     @cached_property
     def resets(self) -> tuple[OdometerReset, ...]:
         """The jumps of the odometer, in the order of the scans."""

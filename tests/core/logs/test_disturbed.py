@@ -17,8 +17,12 @@ from albot_core.logs.disturbed import (
     SHORTEST,
     disturbed,
     with_a_fine_laser,
+    with_faults,
 )
 from albot_core.logs.log import Log
+from albot_core.sensing.faults.fault import Clock
+from albot_core.sensing.faults.injector import FaultInjector
+from albot_core.sensing.faults.registry import READING_FAULTS, parse_faults
 from albot_core.sensing.reading import LaserGeometry
 
 
@@ -96,6 +100,41 @@ def test_a_seed_is_a_log(log: Log, disturbance: str) -> None:
     if disturbance != "frozen":
         assert not np.array_equal(one.odometry[-1], other.odometry[-1])
     assert not np.array_equal(one.ranges, other.ranges)
+
+
+@pytest.mark.parametrize("name", sorted(set(READING_FAULTS) - {"saturated-sonars", "wheel-slip"}))
+def test_faults_strike_logs_as_they_strike_robots(log: Log, name: str) -> None:
+    spec = f"{name}:at={float(log.times[5] - log.times[0])!r}s"
+    worse, same = (with_faults(log, spec, 3) for _ in range(2))
+    assert np.array_equal(worse.odometry, same.odometry)
+    assert worse.ranges is not None and log.ranges is not None
+    assert np.array_equal(worse.ranges, same.ranges)
+    assert np.array_equal(worse.ranges[:5], log.ranges[:5])
+    np.testing.assert_allclose(worse.odometry[:5], log.odometry[:5], atol=1e-9)
+    assert len(worse.stamps) == len(worse.odometry) == len(worse.ranges)
+    faults = parse_faults(spec, READING_FAULTS)
+    injector = FaultInjector(faults, (3,), log.geometry, log.sonar)  # type: ignore[arg-type]
+    travelled, arrived = 0.0, []
+    for reading in log.recorded_readings:
+        travelled += float(np.hypot(*reading.motion[:2]))
+        arrived += injector.feed(reading, Clock(reading.stamp - log.times[0], travelled))
+    assert worse.stamps.tolist() == [reading.stamp for reading in arrived]
+    scans = [reading.laser.ranges for reading in arrived if reading.laser is not None]
+    assert np.array_equal(worse.ranges, scans)
+    np.testing.assert_allclose(
+        relative(worse.odometry[:-1], worse.odometry[1:]),
+        [reading.motion for reading in arrived[1:]],
+        atol=1e-9,
+    )
+
+
+def test_a_log_without_what_a_fault_needs_is_refused(log: Log) -> None:
+    with pytest.raises(InputError, match="sonar, which saturated-sonars needs"):
+        with_faults(log, "saturated-sonars", 1)
+    with pytest.raises(InputError, match="contact, which wheel-slip needs"):
+        disturbed(log, "wheel-slip", 1)
+    with pytest.raises(InputError, match="faults among laser-dropout"):
+        disturbed(log, "kidnap", 1)
 
 
 @pytest.mark.parametrize("disturbance", ["beams", "range"])

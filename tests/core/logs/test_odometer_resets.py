@@ -10,7 +10,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, relative
-from albot_core.logs.disturbed import with_reset
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log
 from tests.core.mappers.slam.rooms import CORRIDOR, LASER, ROOM, scan_from
@@ -45,6 +44,16 @@ def drive(
 
 def motions(log: Log) -> np.ndarray:
     return np.stack([reading.motion for reading in log.readings])
+
+
+def with_reset(log: Log, scan: int, jump: np.ndarray) -> Log:
+    """The log with a jump of the odometer before a scan, in the frame of the scan before."""
+    moves = relative(log.odometry[:-1], log.odometry[1:])
+    moves[scan - 1] = compose(jump, moves[scan - 1])
+    poses = [log.odometry[0]]
+    for move in moves:
+        poses.append(compose(poses[-1], move))
+    return replace(log, odometry=np.array(poses))
 
 
 def without(log: Log, first: int, last: int) -> Log:

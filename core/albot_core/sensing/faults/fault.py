@@ -20,8 +20,9 @@ from albot_core.errors import InputError
 from albot_core.sensing.faults.span import METRES, SECONDS, Span, parse_span
 from albot_core.sensing.reading import Sensor
 
-Need = Sensor | Literal["contact", "world"]
-"""What a fault needs: a sensor; a robot that can feel contact; or a simulated world."""
+Need = Sensor | Literal["contact", "world", "movables"]
+"""What a fault needs: a sensor; a robot that can feel contact; a simulated world; or one in which
+doors, boxes and people are simulated."""
 LONGEST = 1e6
 """Largest time (s) and distance (m) of a schedule."""
 _WHEN = METRES, SECONDS
@@ -167,7 +168,7 @@ class Strikes:
 
     def is_over(self, clock: Clock) -> bool:
         """Whether the strike under way has lasted long enough."""
-        return self._lasting is None or clock.value(self._lasting.unit) >= self.until
+        return self._lasting is None or bool(clock.value(self._lasting.unit) >= self.until)
 
     def end(self, clock: Clock) -> None:
         """End the strike, and draw the next."""

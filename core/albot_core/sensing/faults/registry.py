@@ -149,8 +149,7 @@ def fault_rows(known: Mapping[str, type[Fault]]) -> list[FaultRow]:
     for name, kind in known.items():
         meanings = field_docs(kind)
         told = [
-            f"`{each.name}` ({each.default if each.default is not None else 'none'}): "
-            f"{meanings[each.name]}"
+            f"`{each.name}` ({each.default}): {meanings[each.name].rstrip('.').lower()}"
             for each in dataclasses.fields(kind)
             if each.name not in ("at", "every", "lasting") and each.name in meanings
         ]
@@ -161,3 +160,10 @@ def fault_rows(known: Mapping[str, type[Fault]]) -> list[FaultRow]:
         needs = ", ".join(kind.needs) or "-"
         rows.append(FaultRow(name, kind.summary, needs, "; ".join([when, *told])))
     return rows
+
+
+def fault_table(known: Mapping[str, type[Fault]]) -> str:
+    """Return the table of faults in Markdown, as the documentation has it."""
+    lines = ["| fault | what happens | needs | parameters |", "|---|---|---|---|"]
+    lines += [f"| `{row[0]}` | {' | '.join(row[1:])} |" for row in fault_rows(known)]
+    return "\n".join(lines) + "\n"

@@ -70,6 +70,9 @@ class PlaceNetwork:
         """The first visit since the robot was carried away, as long as it is lost; else 0."""
         self.hypotheses: tuple[Hypothesis, ...] = ()
         """The robot's possible positions, as last weighed; empty unless it is lost. Not stored."""
+        self.first_look: np.ndarray | None = None
+        """Where a lost robot has recognised a place, but not yet believed it (6,): the pose of the
+        graph frame in the map by that, and the robot's pose in the map; None for nowhere."""
         self.version = 0
         """Number that grows with every change."""
         self.log = EventLog(config.max_events, START)
@@ -285,6 +288,7 @@ class PlaceNetwork:
         self.log.add(lost)
         self.breadcrumbs.break_off()
         self._begin_visit(unknown.id)
+        self.first_look = None
         if not self.lost_since:
             self.lost_since = len(self.visits) - 1
 

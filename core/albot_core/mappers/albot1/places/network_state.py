@@ -80,6 +80,7 @@ NETWORK = Schema(
     Field("places.displacement", "3"),
     Field("places.leg", "3"),
     Field("places.looked_from", "looks 3"),
+    Field("places.first_look", "first_looks 6"),
     Field("places.events", f"events {EVENT_COLUMNS}"),
     Field("places.trail", "points 5"),
     Field("places.trail_links", "links 3"),
@@ -106,6 +107,7 @@ def stored_network(network: PlaceNetwork) -> Arrays:
         "displacement": network.map_to_graph,
         "leg": [*network.leg_start, network.way_before],
         "looked_from": network.compared_from[None][~np.isnan(network.compared_from[:1])],
+        "first_look": np.empty((0, 6)) if network.first_look is None else network.first_look[None],
         "events": [event.row() for event in network.log.events],
         "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used, crumbs.readings)),
         "trail_links": crumbs.tree.links,
@@ -128,6 +130,8 @@ def rebuilt_network(state: Arrays, config: PlacesConfig) -> PlaceNetwork:
     network.leg_start, network.way_before = stored["leg"][:2].copy(), float(stored["leg"][2])
     if len(stored["looked_from"]):
         network.compared_from = stored["looked_from"][-1].copy()
+    if len(stored["first_look"]):
+        network.first_look = stored["first_look"][-1].copy()
     network.log.events = [Event.of_row(row) for row in stored["events"]]
     return network
 

@@ -97,7 +97,7 @@ def relocalise(network: PlaceNetwork, step: int, sight: Sight) -> Pose | None:
     """Search the place of a robot that was carried away among all places known before.
 
     A hypothesis is accepted if it is probable enough, the robot stands in sight of where it has
-    been before, and the place there matches.
+    been before, the place there matches, and all of this was so before, at another spot.
 
     Args:
         network: The network of places.
@@ -113,13 +113,13 @@ def relocalise(network: PlaceNetwork, step: int, sight: Sight) -> Pose | None:
     known = Known.of(network)
     network.hypotheses = find_hypotheses(network, known, sight)
     likeliest = max(network.hypotheses, key=lambda one: one.probability, default=None)
-    if likeliest is None or likeliest.probability < network.config.min_probability:
+    if likeliest is None or not _is_probable(likeliest, network.config):
         return None
     place = _place_around(network, known, likeliest, pose)
     if place is None:
         return None
     match = _match_there(network, likeliest, place, sight)
-    if not _is_alike(match, network.config):
+    if not _is_alike(match, network.config) or not _is_confirmed(network, likeliest, pose):
         return None
     network.log.add_comparison(
         step,
@@ -209,6 +209,26 @@ def _is_alike(match: LineMatch, config: PlacesConfig) -> bool:
     return enough and has_structure(match, config)
 
 
+def _is_probable(hypothesis: Hypothesis, config: PlacesConfig) -> bool:
+    """Return whether a hypothesis is probable enough, where that counts."""
+    least = config.min_relocalise_probability if config.min_probability > 0.0 else 0.0
+    return hypothesis.probability >= least
+
+
+def _is_confirmed(network: PlaceNetwork, hypothesis: Hypothesis, pose: Pose) -> bool:
+    """Return whether a hypothesis was accepted before, from elsewhere; note it where it was not.
+
+    Two looks from one spot have the same walls in view, and are mistaken together.
+    """
+    first, distance = network.first_look, network.config.confirming_distance
+    if distance == 0.0:
+        return True
+    if first is None or not is_near(hypothesis.map_to_graph, first[:3], pose, ALIKE):
+        network.first_look = np.concatenate((hypothesis.map_to_graph, pose))
+        return False
+    return bool(np.hypot(*(pose[:2] - first[3:5])) >= distance)
+
+
 def _join(network: PlaceNetwork, step: int, place: LearnedPlace, found: Pose, pose: Pose) -> Pose:
     """Join all that was learned since the robot was lost to a place found at pose `found`.
 
@@ -224,5 +244,6 @@ def _join(network: PlaceNetwork, step: int, place: LearnedPlace, found: Pose, po
     back = compose(relative(learned, motion), network.map_to_graph)
     network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
     network.map_to_graph, network.lost_since, network.hypotheses = learned, 0, ()
+    network.first_look = None
     merge_here(network, step, place, compose(motion, found), compose(motion, pose))
     return motion

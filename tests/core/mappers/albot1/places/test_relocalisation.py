@@ -9,6 +9,7 @@ from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.place import LearnedPlace
 from albot_core.mappers.albot1.places.relocalisation import Sight, relocalise
 from tests.core.mappers.albot1.building import walls_of
@@ -24,8 +25,11 @@ CARRIED = np.array([3.0, -2.0, 1.0])
 
 
 def lost_among(first: np.ndarray, second: np.ndarray) -> PlaceNetwork:
-    """A robot that knows two places by their walls, and was carried away from the second."""
-    network = PlaceNetwork(PlacesConfig())
+    """A robot that knows two places by their walls, and was carried away from the second.
+
+    It believes what it sees at first sight.
+    """
+    network = PlaceNetwork(PlacesConfig(confirming_distance=0.0))
     network.places[0].surfaces = first
     network.places[1] = LearnedPlace(id=1, frame=APART, surfaces=second)
     network.visits, network.visit_transforms = [-1, 0, 1], [np.zeros(3)] * 3
@@ -114,5 +118,53 @@ def test_what_it_knows_to_be_free_has_no_wall():
 @pytest.mark.parametrize(("bar", "is_found"), [(0.999, False), (0.0, True)])
 def test_the_probability_asked_for_is_the_configured_one(bar, is_found):
     network = lost_among(ROOM, walls_of((1, 0)))
-    network.config = PlacesConfig(min_probability=bar)
+    network.config = PlacesConfig(
+        min_probability=min(bar, 0.9), min_relocalise_probability=bar, confirming_distance=0.0
+    )
     assert (relocalise(network, 5, sees(ROOM)) is not None) == is_found
+
+
+def seen_from(spot: tuple[float, float], walls: np.ndarray) -> Sight:
+    """Standing elsewhere in a place's frame, it sees these walls of the place."""
+    seen = transform_segments(CARRIED, walls)
+    return Sight(seen=seen, view=seen, pose=compose(CARRIED, np.array([*spot, 0.3])))
+
+
+def test_it_believes_only_what_a_look_from_elsewhere_confirms():
+    network = lost_among(ROOM, walls_of((1, 0)))
+    network.config = PlacesConfig(confirming_distance=2.0)
+    assert relocalise(network, 5, sees(ROOM)) is None
+    assert network.first_look is not None and network.lost_since
+    np.testing.assert_array_equal(network.first_look[3:], CARRIED)
+    assert relocalise(network, 6, seen_from((1.65, -0.94), ROOM)) is None
+    np.testing.assert_array_equal(network.first_look[3:], CARRIED)
+    motion = relocalise(network, 7, seen_from((1.82, -1.05), ROOM))
+    assert motion is not None
+    np.testing.assert_allclose(motion, inverse(CARRIED), atol=1e-6)
+    assert network.first_look is None and not network.lost_since
+
+
+def test_a_look_that_says_something_else_begins_anew():
+    network = lost_among(ROOM, np.concatenate((ROOM, ANNEX)))
+    network.config = PlacesConfig(confirming_distance=2.0)
+    assert relocalise(network, 5, sees(np.concatenate((ROOM, ANNEX)))) is None
+    first = network.first_look
+    assert first is not None
+    # Were the first look of another alignment, the next would be the first of its own.
+    network.first_look = np.concatenate((first[:3] + np.array([2.0, 0.0, 0.0]), first[3:]))
+    away = seen_from((1.82, -1.05), np.concatenate((ROOM, ANNEX)))
+    assert relocalise(network, 6, away) is None
+    np.testing.assert_array_equal(network.first_look[3:], away.pose)
+    np.testing.assert_allclose(network.first_look[:3], first[:3], atol=1e-6)
+
+
+def test_the_first_look_is_stored():
+    network = lost_among(ROOM, walls_of((1, 0)))
+    network.config = PlacesConfig(confirming_distance=2.0)
+    relocalise(network, 5, sees(ROOM))
+    again = rebuilt_network(stored_network(network), network.config)
+    assert again.first_look is not None and network.first_look is not None
+    np.testing.assert_array_equal(again.first_look, network.first_look)
+    network.start_anew(8, NOTHING, CARRIED)
+    assert network.first_look is None
+    assert rebuilt_network(stored_network(network), network.config).first_look is None
