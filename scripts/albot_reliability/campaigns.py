@@ -44,7 +44,7 @@ def _run(name: str, share: float, jobs: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / whole.name
         path.write_text(dump_yaml({**read_yaml(whole).data, "count": count}), encoding="utf-8")
-        words = ["-m", "albot_cli", "stress", str(path), "--jobs", str(jobs), "--json"]
+        words = ["-m", "albot_cli.main", "stress", str(path), "--jobs", str(jobs), "--json"]
         done = subprocess.run(
             [sys.executable, *words], cwd=folder, stdout=subprocess.PIPE, text=True, check=False
         )

@@ -107,6 +107,11 @@ def test_the_schema_says_all_that_a_campaign_has():
                 "line 4, agents[1], agent exploring, mapper ratslam-scenes",
             ],
         ),
+        (
+            "task: place-recognition\nworlds: [square-loop]\nagents: [place-judge]\n"
+            "mappers: [albot1]\n",
+            ["line 3, agents[0], agent place-judge, mapper albot1, task: expected one in which"],
+        ),
         ("task: exploer\nworlds: [square-loop]\n", ["line 1, task, task: expected one of"]),
         ("[1, 2]\n", ["line 1: expected a mapping, found [1, 2]"]),
     ],

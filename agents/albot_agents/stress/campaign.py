@@ -20,8 +20,8 @@ import jsonschema
 from jsonschema.exceptions import ValidationError
 
 from albot_agents.registry import EXPLORE, check_agent
-from albot_agents.stress.episodes import Episode, check_episode, world_specs
-from albot_agents.stress.running import Checks
+from albot_agents.stress.episodes import Episode, world_specs
+from albot_agents.stress.running import Checks, check_episode
 from albot_agents.task import find_task
 from albot_core.errors import InputError, did_you_mean
 from albot_core.mappers.registry import NO_MAPPER, mapper_config, mapper_spec
