@@ -46,6 +46,7 @@ from albot_env.stress.kernels import (
     find_suspects,
 )
 from albot_env.stress.maps import MOST_SURFACES, check_map, check_places
+from albot_env.tasks.core.driving import DrivingTask
 from albot_env.tasks.core.parts.sensors import LASER
 from albot_env.tasks.core.vector import VectorEnv
 from albot_maps import World
@@ -86,7 +87,7 @@ class BatchChecker:
         limits: The tolerances; radius and laser range are those of the batch.
 
     Raises:
-        InputError: The share is out of range.
+        InputError: The share is out of range, or the robots of the task do not drive.
     """
 
     def __init__(
@@ -100,6 +101,9 @@ class BatchChecker:
     ) -> None:
         if not 0 < share <= 1:
             raise InputError("share", "a share of the beams within (0, 1]", str(share))
+        if not issubclass(batch.task, DrivingTask):
+            environment = batch.task.environment
+            raise InputError("task", "one in which the robot drives", environment)
         self._batch = batch
         self._worlds = worlds
         self._stride = max(1, round(1 / share))

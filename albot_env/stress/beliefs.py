@@ -1,4 +1,4 @@
-"""Beliefs are a function of readings alone: other mappers, given the same ones, believe the same."""
+"""Beliefs are a function of readings alone: a second mapper, given the same, believes the same."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ from albot_cli.main import exit_status
 
 PROGRAMS = {
     "digests": "Write digests of all that comes out, or compare with those written before.",
+    "fuzz": "Give damaged files to all readers for some minutes, and keep those that crash one.",
     "mutations": "Break the papers' mechanisms one by one, and tell which checks see it.",
     "page": "Try to break the project, and write docs/reliability.md.",
 }

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -19,34 +19,50 @@ from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_reliability import fuzzing, injected_faults, interruptions, survival
+from albot_reliability import campaigns, fuzzing, injected_faults, interruptions, survival
 
 Figures = Mapping[str, Any]
+
+
+class Effort(NamedTuple):
+    """How much is measured."""
+
+    share: float
+    """Share of the whole."""
+    jobs: int
+    """Number of processes."""
+    minutes: float | None
+    """Length of the fuzzing in rounds; None for as many inputs as the share says."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
     """A section of the page."""
 
-    measure: Callable[[float, int, Figures], Figures]
-    """Measures the section, given the share of the whole, the number of processes, and the figures
-    before. The result can be written as JSON."""
+    measure: Callable[[Effort, Figures], Figures]
+    """Measures the section, given the figures before. The result can be written as JSON."""
     render: Callable[[Figures], Iterable[str]]
     """Yields the section's lines, given its figures."""
 
 
 SECTIONS: Mapping[str, Section] = {
     "interruptions": Section(
-        measure=lambda share, jobs, _: interruptions.measure(share, jobs),
+        measure=lambda effort, _: interruptions.measure(effort.share, effort.jobs),
         render=interruptions.render,
     ),
-    "fuzzing": Section(
-        measure=lambda share, jobs, _: fuzzing.measure(share, jobs), render=fuzzing.render
+    "campaigns": Section(
+        measure=lambda effort, before: campaigns.measure(effort.share, effort.jobs, before),
+        render=campaigns.render,
     ),
+    "fuzzing": Section(measure=lambda effort, _: fuzzing.measure(*effort), render=fuzzing.render),
     "survival": Section(
-        measure=lambda share, _, before: survival.measure(share, before), render=survival.render
+        measure=lambda effort, before: survival.measure(effort.share, before),
+        render=survival.render,
     ),
-    "faults": Section(measure=injected_faults.measure, render=injected_faults.render),
+    "faults": Section(
+        measure=lambda effort, before: injected_faults.measure(effort.share, effort.jobs, before),
+        render=injected_faults.render,
+    ),
 }
 """The sections by their names, in the order of the page."""
 _HEAD = """\
@@ -75,6 +91,11 @@ python -m albot_reliability page
     type=click.FloatRange(0, 1, min_open=True),
     help="Measure less, to try it.",
 )
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0, min_open=True),
+    help="Length of the section fuzzing, with one seed after the other.",
+)
 @click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
 @click.option(
     "--out",
@@ -83,15 +104,16 @@ python -m albot_reliability page
     type=PathType(dir_okay=False),
     help="The page; the figures go into a JSON file beside it.",
 )
-def command(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -> None:
+def command(
+    sections: tuple[str, ...], share: float, minutes: float | None, jobs: int | None, out: Path
+) -> None:
     """Try to break the project, and write the page on the results."""
     os.nice(10)
     kept = out.with_suffix(".json")
     figures = _read(kept)
     for name in sections or SECTIONS:
-        figures[name] = SECTIONS[name].measure(
-            share, jobs or os.cpu_count() or 1, figures.get(name, {})
-        )
+        effort = Effort(share, jobs or os.cpu_count() or 1, minutes)
+        figures[name] = SECTIONS[name].measure(effort, figures.get(name, {}))
         write_text(kept, json.dumps(figures, indent=1) + "\n")
         present = [name for name in SECTIONS if name in figures]
         lines = [line for name in present for line in ("", *SECTIONS[name].render(figures[name]))]

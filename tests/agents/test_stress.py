@@ -14,17 +14,18 @@ import numpy as np
 import pytest
 
 from albot_agents.registry import EXPLORE, agent_names, find_agent
+from albot_agents.stress.campaign import Campaign
 from albot_agents.stress.episodes import (
     Episode,
     Outcome,
     Violation,
-    plan_episodes,
     plan_jobs,
 )
 from albot_agents.stress.running import Checks, run_episode, run_job
 from albot_cli.main import main
 from albot_core.errors import InputError
 from albot_core.mappers.registry import mapper_config, mapper_spec
+from albot_core.maps.layers import MapSnapshot, PlaceNode, SegmentsLayer
 from albot_core.robot import ROBOTS
 from albot_env.recording.reader import EpisodeReader
 from albot_env.tasks.core import single
@@ -36,7 +37,9 @@ from albot_maps.generators.spec import KINDS
 
 
 def plan(spec: str, count: int = 3, first: int = 0, agents: tuple[str, ...] = ("random",)):
-    return plan_episodes(spec, agents, count=count, first=first, mapper="none", steps=20)
+    campaign = Campaign(worlds=(spec,), agents=agents, count=count, seed=first, steps=20)
+    campaign.check()
+    return campaign.episodes()
 
 
 def test_a_kind_stands_for_worlds_whose_seeds_count_up():
@@ -220,7 +223,7 @@ def test_episodes_run_together_as_each_runs_alone(monkeypatch: pytest.MonkeyPatc
         dataclasses.replace(SOUND, world=world, seed=seed, agent="gap-explorer")
         for seed, world in enumerate(worlds)
     ]
-    together = run_job((tuple(episodes),), Checks(), lambda _: None)
+    together = run_job((tuple(episodes),), lambda _: None)
     poses, seen = seen, {}
     assert together == [run(episode) for episode in episodes]
     assert [outcome.steps for outcome in together] == [30, 16, 30]
@@ -383,3 +386,67 @@ def played(command: str, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         main()
     assert not ended.value.code
     return list(EpisodeReader(Path("episode.mcap")).moments())
+
+
+MAPPED = dataclasses.replace(SOUND, world="random:office:3", mapper="albot1", agent="gap-explorer")
+ALL = Checks(beams=1.0, maps_every=5, replays=1.0)
+
+
+def found_in(episode: Episode, steps: int = 30) -> set[str]:
+    """The invariants that an episode violates with all checks."""
+    outcome = run_episode(dataclasses.replace(episode, steps=steps), checks=ALL)
+    return {violation.invariant for violation in outcome.violations}
+
+
+@pytest.mark.parametrize("mapper", ["albot1", "odometry", "none"])
+def test_maps_beliefs_and_replays_are_sound(mapper: str):
+    assert found_in(dataclasses.replace(MAPPED, mapper=mapper), 60) == set()
+
+
+def test_faults_do_not_count_as_wrong_readings():
+    faults = "laser-dropout:at=0.1m,lasting=2s"
+    assert found_in(dataclasses.replace(MAPPED, mapper="none", faults=faults), 60) == set()
+
+
+def test_a_mapper_that_looks_at_the_truth_is_found(monkeypatch: pytest.MonkeyPatch):
+    """Its estimates are drawn towards the true pose by a hair."""
+    whole = DrivingTask._hear
+
+    def hear(self: DrivingTask, rows: np.ndarray, readings: Any) -> None:
+        whole(self, rows, readings)
+        self._state.beliefs[rows, 0] += 1e-12 * self._state.poses[rows, 0]
+
+    monkeypatch.setattr(DrivingTask, "_hear", hear)
+    assert "beliefs" in found_in(dataclasses.replace(MAPPED, mapper="none"))
+
+
+def test_a_map_with_a_place_that_nobody_enters_is_found(monkeypatch: pytest.MonkeyPatch):
+    whole = VectorEnv.snapshot
+
+    def snapshot(self: VectorEnv, environment: int) -> MapSnapshot:
+        alone = PlaceNode(id=999, label="", pose=np.zeros(3), middle=np.zeros(2))
+        graph = whole(self, environment).place_graph
+        return MapSnapshot(layers=(dataclasses.replace(graph, nodes=(*graph.nodes, alone)),))
+
+    monkeypatch.setattr(VectorEnv, "snapshot", snapshot)
+    assert found_in(MAPPED) == {"places"}
+
+
+def test_a_map_that_is_not_finite_is_found(monkeypatch: pytest.MonkeyPatch):
+    surfaces = SegmentsLayer(segments=np.full((1, 4), np.inf))
+    monkeypatch.setattr(
+        VectorEnv, "snapshot", lambda self, environment: MapSnapshot(layers=(surfaces,))
+    )
+    assert found_in(MAPPED) == {"map"}
+
+
+def test_an_environment_that_remembers_earlier_ones_is_found(monkeypatch: pytest.MonkeyPatch):
+    """Each robot that is made has other noise than the one before: no recording can be replayed."""
+    whole, made = DrivingTask._set_out, []
+
+    def set_out(self: DrivingTask, row: int, world: World, start: Any, key: int) -> None:
+        made.append(row)
+        whole(self, row, world, start, key + len(made))
+
+    monkeypatch.setattr(DrivingTask, "_set_out", set_out)
+    assert found_in(dataclasses.replace(MAPPED, mapper="none")) == {"replay"}

@@ -83,7 +83,7 @@ def test_sound_worlds_pass(tmp_path: Path):
 
 
 SHORT = ("stress", "--worlds", "square-loop", "--count", "3", "--steps", "6", "--agent", "random",
-         "--jobs", "1")  # fmt: skip
+         "--jobs", "1", "--shrink", "0")  # fmt: skip
 
 
 def test_what_is_broken_is_found_in_every_episode(tmp_path: Path):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import resources
 from itertools import product
@@ -20,12 +20,12 @@ import jsonschema
 from jsonschema.exceptions import ValidationError
 
 from albot_agents.registry import EXPLORE, check_agent
-from albot_agents.stress.episodes import Episode, check_episode, world_specs
-from albot_agents.stress.running import Checks
+from albot_agents.stress.episodes import Episode, world_specs
+from albot_agents.stress.running import Checks, check_episode
 from albot_agents.task import find_task
 from albot_core.errors import InputError, did_you_mean
 from albot_core.mappers.registry import NO_MAPPER, mapper_config, mapper_spec
-from albot_core.plain_data import Location
+from albot_core.plain_data import Location, read_config
 from albot_core.robot import DEFAULT_ROBOT, choose_robot
 from albot_core.yaml_document import YamlDocument, format_value, read_yaml
 from albot_env.faults.registry import faults_text
@@ -76,7 +76,7 @@ class Campaign:
     """Name of the robot; None for each agent's own."""
     movables: bool = True
     """Whether doors, boxes and people are simulated in worlds that have them."""
-    checks: Checks = Checks()
+    checks: Checks = field(default_factory=Checks)
     """What is checked how often."""
 
     def episodes(self) -> list[Episode]:
@@ -128,22 +128,40 @@ class Campaign:
         Args:
             place: Returns the place of a key and an index in a file, for errors.
         """
+        wrong = list(self.world_errors(place))
+        yield from wrong
+        if len(wrong) == len(self.worlds):
+            return
+        world = next(self._sound_worlds())
+        for index, kind in enumerate(self._kinds()):
+            try:
+                check_episode(replace(kind, world=world))
+            except InputError as error:
+                agent = index // (len(self.odometers) * len(self.faults)) % len(self.agents)
+                yield _placed(error, place("agents", agent), _combination(kind))
+
+    def world_errors(self, place: Callable[..., str] = lambda *_: "") -> Iterator[InputError]:
+        """Yield which worlds cannot be loaded.
+
+        Of random worlds, the first of each kind and the last are generated to see it.
+
+        Args:
+            place: As for `errors`.
+        """
         radius = choose_robot(self.robot or DEFAULT_ROBOT, "robot").radius
-        first = ""
         for k, spec in enumerate(self.worlds):
             try:
                 specs = world_specs(spec, self.count, self.seed)
                 for world in dict.fromkeys((*specs[: len(KINDS)], specs[-1])):
                     load_world(world, radius)
-                first = first or specs[0]
             except InputError as error:
                 yield _placed(error, place("worlds", k))
-        for index, kind in enumerate(self._kinds() if first else ()):
-            try:
-                check_episode(replace(kind, world=first))
-            except InputError as error:
-                agent = index // (len(self.odometers) * len(self.faults)) % len(self.agents)
-                yield _placed(error, place("agents", agent), _combination(kind))
+
+    def _sound_worlds(self) -> Iterator[str]:
+        """Yield the first world of each spec that can be loaded."""
+        for spec in self.worlds:
+            if not list(replace(self, worlds=(spec,)).world_errors()):
+                yield world_specs(spec, 1, self.seed)[0]
 
 
 def _combination(kind: Episode) -> str:
@@ -187,8 +205,9 @@ def read_campaign(path: Path) -> Campaign:
         raise CampaignError(sorted(wrong, key=_line))
     reader = _Reader(document, data, path)
     campaign = reader.campaign()
-    if not reader.errors:
-        reader.errors += campaign.errors(reader.place)
+    reader.errors += (
+        campaign.world_errors(reader.place) if reader.errors else campaign.errors(reader.place)
+    )
     if reader.errors:
         raise CampaignError(sorted((_in_file(error, path) for error in reader.errors), key=_line))
     return campaign
@@ -282,12 +301,13 @@ class _Reader:
         if "worlds" in data:
             given["worlds"] = self._each("worlds", self._world)
         if "robot" in data:
+            given["robot"] = None
             with self._collected("robot"):
                 choose_robot(data["robot"], "robot")
-        given["checks"] = Checks(**data.get("checks", {}))
-        if self.errors:
-            return usual
-        known = {field.name for field in fields(Campaign)}
+                given["robot"] = data["robot"]
+        where = Location(self._path, ("checks",), self._document.place)
+        given["checks"] = read_config(Checks, data.get("checks", {}), where)
+        known = {each.name for each in fields(Campaign)}
         return Campaign(**{name: value for name, value in given.items() if name in known})
 
     def _each(self, key: str, read: Callable[[Any], Value]) -> tuple[Value, ...]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
+
 from albot_agents.registry import EXPLORE, find_agent
 from albot_agents.task import short_name
 from albot_core.errors import InputError
@@ -80,6 +82,16 @@ class Episode:
         }
         asked |= {name: value for name, value in more.items() if value is not None}
         return find_agent(self.agent).environment(self.task, asked)
+
+    def make(self) -> gymnasium.Env[Any, Any]:
+        """Make its environment, for this robot alone.
+
+        Raises:
+            InputError: There is no such world, mapper or agent, or the robot lacks a sensor that
+                the mapper needs.
+        """
+        settings = {"world": self.world, **self.settings}
+        return gymnasium.make(self.task, disable_env_checker=True, **settings)
 
     def command(self, steps: int) -> str:
         """Return the command that replays the first `steps` steps."""
@@ -158,21 +170,6 @@ def world_specs(spec: str, count: int, first: int) -> list[str]:
         turns = range(count)
         return [f"{PREFIX}{KINDS[k % len(KINDS)]}:{first + k // len(KINDS)}" for k in turns]
     return [seeded(spec, first + k) for k in range(count)]
-
-
-def check_episode(episode: Episode) -> None:
-    """Make an episode's environment and agent, to see whether there can be such.
-
-    Raises:
-        InputError: There cannot.
-    """
-    from albot_agents.stress.running import make_agents, make_batch
-
-    batch = make_batch([episode], [episode.load_world()])
-    try:
-        make_agents(batch, [episode])
-    finally:
-        batch.close()
 
 
 def plan_jobs(episodes: Iterable[Episode], processes: int) -> list[Job]:

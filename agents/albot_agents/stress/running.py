@@ -18,7 +18,6 @@ from albot_agents.agent import Agent, EnvironmentConfigs, begin_episode, choose_
 from albot_agents.engine.engine import Crash, Engine, name_error
 from albot_agents.registry import EXPLORE, make_agent
 from albot_agents.stress.episodes import Episode, Job, Outcome, Violation, alone
-from albot_agents.task import single_env_settings
 from albot_core.errors import InputError
 from albot_core.ranges import FROM_ONE, SHARE, check_fields
 from albot_env.export.replay import replay
@@ -263,6 +262,21 @@ def make_batch(episodes: Sequence[Episode], worlds: Sequence[World]) -> Any:
     )
 
 
+def check_episode(episode: Episode) -> None:
+    """Make an episode's environment, agent and checks, to see whether there can be such.
+
+    Raises:
+        InputError: There cannot.
+    """
+    world = episode.load_world()
+    batch = make_batch([episode], [world])
+    try:
+        BatchChecker(batch.unwrapped, [world])
+        make_agents(batch, [episode])
+    finally:
+        batch.close()
+
+
 def make_agents(batch: Any, episodes: Sequence[Episode]) -> list[Agent]:
     """Make the agent of each environment of a batch, and begin its episode as `begin_episode`.
 
@@ -317,22 +331,14 @@ def record_episode(episode: Episode, path: Path, steps: int | None = None) -> No
         path: The file.
         steps: Number of steps after which it ends; None for the episode's own.
     """
-    settings = single_env_settings(episode.task, episode.settings)
-    limit = episode.settings["max_episode_steps"]
-    env = gymnasium.make(
-        episode.task,
-        disable_env_checker=True,
-        world=episode.world,
-        max_episode_steps=limit,
-        **{name: value for name, value in settings.items() if name != "max_episode_steps"},
-    )
+    env = episode.make()
     try:
         agent = make_agent(episode.agent, EnvironmentConfigs.of(env))
         recorder = EpisodeWriter(path)
         env.set_wrapper_attr("recorder", recorder)
         env.set_wrapper_attr("agent", episode.agent)
         observation, info = begin_episode(env, agent, episode.seed)
-        for _ in range(steps or limit):
+        for _ in range(steps or episode.steps):
             action = choose_action(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
             if terminated or truncated:
