@@ -28,7 +28,7 @@ _RATIO = Range("a number within (0, 1)", 0.0, 1.0, beyond=True)
 class GatewayConfig:
     """What counts as a gateway. The paper's text gives no numbers; all of them are ours."""
 
-    ratio: float = 0.87
+    ratio: float = 0.9
     """Largest clearance of a gateway, as a share of that of the open ground next to it. The
     junction of two corridors of a width has 1.41 times the clearance of its arms, a T 1.25 times,
     and a corner 1.17 times."""
@@ -36,7 +36,7 @@ class GatewayConfig:
     """Smallest width (m): the robot does not fit through a narrower one."""
     widest: float = 3.5
     """Largest width (m)."""
-    flat: float = 0.05
+    flat: float = 0.1
     """Rise of the clearance above its minimum that still belongs to the gateway (m)."""
     arm: float = 1.0
     """Smallest length of known ground behind a gateway of which no other end is known (m)."""

@@ -404,8 +404,8 @@ class Hssh(StoredMapper):
         line = self._lines(leaf, target[0])[target[1]]
         if not self._is_away:
             way[EXIT] = line
-        at: tuple[int, int] | None = target
-        while at is not None:
+        at = target
+        while at != OPEN:
             point = middles[at[0]][at[1]]
             if np.hypot(*(point - here)) >= self.config.ahead:
                 way[POINT] = point

@@ -16,10 +16,10 @@ from jaxtyping import Float32, Int32, Int64
 
 from albot_core.kernels.compiled import kernel
 
-_SLOPE = 0.5
+_SLOPE = 0.4
 """Growth of the clearance per distance above which an arm loses its tip. Along the arm into a
 corner of 90° it is 0.71, along a corridor 0."""
-_NEAR = 3
+_NEAR = 4
 """Distance at which this growth is measured (cells)."""
 _BINS = 8
 """Steps of the clearance per cell in which cells are removed."""

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Points
-from albot_core.mappers.hssh.map_tree import Gateway
+from albot_core.mappers.hssh.map_tree import OPEN, Gateway
 
 
 class Routes(NamedTuple):
@@ -18,8 +18,8 @@ class Routes(NamedTuple):
 
     lengths: Mapping[Gateway, float]
     """Length of the way from each gateway (m); gateways without a way are missing."""
-    onward: Mapping[Gateway, Gateway | None]
-    """The next gateway on the way; None where home is next."""
+    onward: Mapping[Gateway, Gateway]
+    """The next gateway on the way; `OPEN` where home is next."""
 
 
 def routes_home(
@@ -41,9 +41,9 @@ def routes_home(
         across.setdefault(one, set()).add(other)
         across.setdefault(other, set()).add(one)
     lengths: dict[Gateway, float] = {}
-    onward: dict[Gateway, Gateway | None] = {}
-    queue: list[tuple[float, Gateway, Gateway | None]] = [
-        (float(np.hypot(*(middle - home))), (0, k), None) for k, middle in enumerate(middles[0])
+    onward: dict[Gateway, Gateway] = {}
+    queue: list[tuple[float, Gateway, Gateway]] = [
+        (float(np.hypot(*(middle - home))), (0, k), OPEN) for k, middle in enumerate(middles[0])
     ]
     heapq.heapify(queue)
     while queue:

@@ -1,0 +1,157 @@
+"""Gateways and stars of drawn floors, whose right answer can be told by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from albot_core.mappers.hssh.gateways import (
+    FREE,
+    GatewayConfig,
+    Ground,
+    Region,
+    continuations,
+    find_gateways,
+    region_around,
+)
+from albot_core.mappers.hssh.skeleton import distances, thinned
+from albot_core.mappers.hssh.star import ENDS, Star
+from tests.core.mappers.hssh.floors import (
+    BLOCK,
+    CORNER,
+    CROSS,
+    DOOR_IN_CORRIDOR,
+    ROOMS,
+    TEE,
+    ground_of,
+)
+
+CONFIG = GatewayConfig()
+
+
+def seen_from(ground: Ground, *at: float) -> Region:
+    region = region_around(ground, find_gateways(ground, CONFIG), np.array(at))
+    assert region is not None
+    return region
+
+
+def star_of(region: Region) -> Star:
+    return Star(*continuations(region.gateways, CONFIG.straight))
+
+
+def same(gateways: np.ndarray, *expected: tuple[float, ...]) -> None:
+    """In circular order, to a cell or two; where the order begins is open."""
+    wanted = np.array(expected, float)
+    assert len(gateways) == len(wanted)
+    errors = [np.abs(np.roll(gateways, k, axis=0) - wanted).max() for k in range(len(wanted))]
+    assert min(errors) < 0.21
+
+
+def test_a_door_is_the_gateway_of_two_rooms():
+    ground = ground_of(ROOMS)
+    left, right = seen_from(ground, 1, 1), seen_from(ground, 7, 1)
+    same(left.gateways, (4.1, 1.5, 4.1, 2.5))
+    same(right.gateways, (4.1, 2.5, 4.1, 1.5))
+    assert star_of(left) == star_of(right) == Star(ENDS)
+    assert left.clearance == pytest.approx(2.0, abs=0.11)
+    np.testing.assert_allclose(left.peak, (2, 2), atol=0.11)
+    assert not left.inside[right.inside].any()
+
+
+def test_two_corridors_cross_in_a_place_with_four_gateways():
+    region = seen_from(ground_of(CROSS), 0, 0)
+    same(
+        region.gateways,
+        (-1, -1, 1, -1), (1, -1, 1, 1), (1, 1, -1, 1), (-1, 1, -1, -1),
+    )  # fmt: skip
+    assert star_of(region) == Star(2, 3, 0, 1)
+    # Half the diagonal of the crossing.
+    assert region.clearance == pytest.approx(np.sqrt(2), abs=0.11)
+
+
+@pytest.mark.parametrize(("floor", "kind"), [(TEE, Star(ENDS, 2, 1)), (CORNER, Star(ENDS, ENDS))])
+def test_the_stars_of_junctions(floor, kind):
+    assert star_of(seen_from(ground_of(floor), 0, 0)).kind == kind.kind
+
+
+def test_a_piece_of_corridor_between_two_corners_is_a_path():
+    ground = ground_of(BLOCK)
+    assert seen_from(ground, 5, 0).is_path(CONFIG)
+    assert not seen_from(ground, 0, 0).is_path(CONFIG)
+
+
+def test_a_door_in_the_side_of_a_corridor_is_no_junction():
+    """The corridor with its doors is one place: it hardly widens at a door."""
+    region = seen_from(ground_of(DOOR_IN_CORRIDOR), -4, 0)
+    same(region.gateways, (2, 1.1, 1, 1.1))
+
+
+def test_a_room_without_a_gateway():
+    ground = ground_of(((0, 0, 4, 3),))
+    region = seen_from(ground, 1, 1)
+    assert region.gateways.shape == (0, 4)
+    assert star_of(region) == Star()
+    assert not region.is_path(CONFIG)
+
+
+def test_no_ground_at_all():
+    ground = Ground(np.zeros((5, 5), np.int8), np.zeros(2), 0.1)
+    narrows = find_gateways(ground, CONFIG)
+    assert narrows.gateways.shape == (0, 4)
+    assert region_around(ground, narrows, np.array((0.2, 0.2))) is None
+    assert region_around(ground, narrows, np.array((9.0, -9.0))) is None
+
+
+def test_a_gap_is_a_gateway_only_within_the_widths():
+    narrow = ((0, 0, 4, 4), (4, 1.8, 4.2, 2.1), (4.2, 0, 8.2, 4))
+    assert not len(find_gateways(ground_of(narrow), CONFIG).gateways)
+    assert len(find_gateways(ground_of(narrow), GatewayConfig(narrowest=0.2)).gateways) == 1
+    assert not len(find_gateways(ground_of(ROOMS), GatewayConfig(widest=0.8)).gateways)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.sampled_from((ROOMS, CROSS, TEE)), st.floats(-np.pi, np.pi), st.data())
+def test_a_turned_world_has_the_same_star(floor, turn, data):
+    """The star is that of the place: whichever way the world is turned, and the grid lies."""
+    offset = data.draw(st.floats(0, 0.1))
+    straight, turned = ground_of(floor), ground_of(floor, turn, offset)
+    at = np.array((2.0, 2.0) if floor is ROOMS else (0.0, 0.0))
+    cos, sin = np.cos(turn), np.sin(turn)
+    spun = np.array((cos * at[0] - sin * at[1], sin * at[0] + cos * at[1]))
+    one, other = seen_from(straight, *at), seen_from(turned, *spun)
+    assert star_of(one).kind == star_of(other).kind
+    assert other.clearance == pytest.approx(one.clearance, abs=0.15)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.3, 0.999))
+def test_distances_are_those_of_scipy(seed, share):
+    free = np.random.default_rng(seed).random((31, 44)) < share
+    free[0] = False
+    expected = ndimage.distance_transform_edt(free)
+    np.testing.assert_allclose(distances(free), expected, atol=1e-4)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_skeleton_keeps_the_connections_of_the_ground(seed):
+    """As many pieces, and as many holes; and no block of four cells is left to thin."""
+    blobs = ndimage.gaussian_filter(np.random.default_rng(seed).random((50, 60)), 2.5)
+    free = blobs > np.median(blobs)
+    free[0] = free[-1] = False
+    free[:, 0] = free[:, -1] = False
+    kept = thinned(distances(free))
+    assert not (kept & ~free).any()
+    eight = np.ones((3, 3))
+    assert ndimage.label(kept, eight)[1] == ndimage.label(free, eight)[1]
+    assert ndimage.label(~kept)[1] == ndimage.label(~free)[1]
+
+
+def test_the_region_is_the_ground_on_the_robots_side():
+    ground = ground_of(ROOMS)
+    region = seen_from(ground, 1, 1)
+    assert region.inside.sum() == pytest.approx(1600, rel=0.01)
+    assert (ground.states[region.inside] == FREE).all()
