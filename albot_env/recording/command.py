@@ -9,7 +9,17 @@ from typing import Any
 
 from albot_env.recording.episode import EpisodeHeader
 
-OPTIONS = ("world", "mapper", "robot", "laser", "odometer", "sonar", "scenes", "faults")
+OPTIONS = (
+    "world",
+    "mapper",
+    "robot",
+    "laser",
+    "odometer",
+    "sonar",
+    "scenes",
+    "faults",
+    "saved_map",
+)
 """Settings that are options of `albot play` by the same name, if they are texts."""
 FILES = {"config": "config.yml", "mapper_config": "mapper.yml"}
 """Settings that `albot play` takes from a file, and the name that the file gets."""
@@ -59,7 +69,7 @@ def play_lines(
         return ""
     words = ["albot", "play", environment]
     for name, value in texts.items():
-        words += [f"--{name}", value]
+        words += [f"--{name.replace('_', '-')}", value]
     for name in configs:
         words += [f"--{name.replace('_', '-')}", FILES[name]]
     words += ["--agent", agent]

@@ -200,9 +200,9 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
     words += ["--world", trial.world, "--seed", str(trial.seed)]
     if not isinstance(settings.get("robot", ""), str):
         return ""
-    for name in ("robot", "mapper", "odometer", "laser", "sonar", "scenes", "faults"):
+    for name in ("robot", "mapper", "odometer", "laser", "sonar", "scenes", "faults", "saved_map"):
         if name in settings:
-            words += [f"--{name}", str(settings[name])]
+            words += [f"--{name.replace('_', '-')}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)
     changed = outing is not None and outing.away != type(outing)().away
     if changed and "--config" not in options:
