@@ -1,11 +1,11 @@
 """Localisation in a saved map: how often, how soon and how surely robots find out where they are.
 
 In each world a robot is led through all rooms, and a mapper makes a map by its laser and its
-odometer (Pioneer). Then robots set out from random poses in random rooms, without a start pose, and are led
-from room to room for 10 m. A robot is *right* if it then believes a pose within 0.5 m of where the
-map has its true place: of the mapper's pose when it surveyed the nearest point, moved by the true
-relative pose, so that a map's distortion is no error of localisation. It is *sure and wrong* if it
-believes another pose.
+odometer (Pioneer). Then robots set out from random poses in random rooms, without a start pose, and
+are led from room to room for 10 m. A robot is *right* if it then believes a pose within 0.5 m of
+where the map has its true place: of the mapper's pose when it surveyed the nearest point, moved by
+the true relative pose, so that a map's distortion is no error of localisation. It is *sure and
+wrong* if it believes another pose.
 
 Beside it: the best pose of the first scan, followed without a second look (`first match`); Monte
 Carlo localisation with uniform particles (F. Dellaert and others, ICRA 1999; `particles`); the same
@@ -212,9 +212,7 @@ def drive(world: World, rng: np.random.Generator) -> Drive:
     return found
 
 
-def map_of(
-    name: str, readings: Sequence[Reading], true: Poses, config: LocaliserConfig
-) -> SavedMap:
+def map_of(name: str, readings: Sequence[Reading], true: Poses) -> SavedMap:
     """Return a mapper's map of a survey."""
     mapper, online = make_mapper(name), []
     for reading in readings:
@@ -435,36 +433,31 @@ def command(
     as_json: bool,
 ) -> None:
     """Let robots localise themselves in saved maps, and count who is right."""
-    found: dict[str, Any]
     if logs is not None:
         found = {"rows": _measure_logs(logs, mappers)}
         text = logs_table(found["rows"])
+        _write(out, found)
     else:
         specs = list(named) or [worlds.replace("SEED", str(seed)) for seed in parse_seeds(seeds)]
-        outcomes = _measure_worlds(specs, starts, mappers, METHODS if baselines else METHODS[:1])
-        found = {
-            "worlds": list(named) or worlds,
-            "seeds": None if named else seeds,
-            "rows": counts(outcomes),
-            "outcomes": [asdict(outcome) for outcome in outcomes],
-        }
+        methods = METHODS if baselines else METHODS[:1]
+        outcomes: list[Outcome] = []
+        other: SavedMap | None = None
+        with progress("saved maps", len(specs), "worlds") as update:
+            for number, spec in enumerate(specs):
+                done, other = measure_world(spec, number, starts, mappers, methods, other)
+                outcomes += done
+                found = {"worlds": specs[: number + 1], "rows": counts(outcomes)}
+                found["outcomes"] = [asdict(outcome) for outcome in outcomes]
+                _write(out, found)
+                update(number + 1)
         text = rows_table(found["rows"])
-    if out is not None:
-        write_text(out, json.dumps(found, indent=1) + "\n")
     click.echo(json.dumps(found) if as_json else text)
 
 
-def _measure_worlds(
-    specs: Sequence[str], starts: int, mappers: Sequence[str], methods: Sequence[str]
-) -> list[Outcome]:
-    outcomes: list[Outcome] = []
-    other: SavedMap | None = None
-    with progress("saved maps", len(specs), "worlds") as update:
-        for number, spec in enumerate(specs):
-            done, other = measure_world(spec, number, starts, mappers, methods, other)
-            outcomes += done
-            update(number + 1)
-    return outcomes
+def _write(out: Path | None, found: dict[str, Any]) -> None:
+    """Write the figures so far, so that a study that is stopped keeps what it has measured."""
+    if out is not None:
+        write_text(out, json.dumps(found, indent=1) + "\n")
 
 
 def _measure_logs(folder: Path, mappers: Sequence[str]) -> list[dict[str, Any]]:
