@@ -11,6 +11,7 @@ from albot_env.recording.episode import EpisodeHeader
 
 OPTIONS = (
     "world", "mapper", "robot", "laser", "odometer", "sonar", "scenes", "compass", "faults",
+    "saved_map",
 )  # fmt: skip
 """Settings that are options of `albot play` by the same name, if they are texts."""
 FILES = {"config": "config.yml", "mapper_config": "mapper.yml"}
@@ -61,7 +62,7 @@ def play_lines(
         return ""
     words = ["albot", "play", environment]
     for name, value in texts.items():
-        words += [f"--{name}", value]
+        words += [f"--{name.replace('_', '-')}", value]
     for name in configs:
         words += [f"--{name.replace('_', '-')}", FILES[name]]
     words += ["--agent", agent]

@@ -71,6 +71,8 @@ class Frame:
     """Believed positions at each moment, map frame."""
     home: Pose
     """Believed pose of home, in the robot's present frame."""
+    localised: bool | None = None
+    """Whether the robot is localised in a saved map; None if it has made its own."""
     activity: Activity | None = None
     """The activity of the mapper's attractor network; None if it has none."""
     packets: Float64[np.ndarray, "packets 2"] = field(default_factory=lambda: np.empty((0, 2)))
@@ -114,6 +116,7 @@ class Frame:
             f"{self.updates} updates",
             *(layer_summary(layer) for layer in self.snapshot.layers),
             f"{self.position_error:.2f} m off",
+            "lost" if self.localised is False else "",
         )
         return _joined(parts)
 

@@ -46,7 +46,7 @@ class Trace:
     def frame(self) -> Frame:
         """Return the frame of the latest moment."""
         moment, header = self._moment, self._header
-        laser = moment.reading.laser
+        laser, localised = moment.reading.laser, moment.facts.get("localised")
         return Frame(
             environment=header.environment,
             agent=header.agent,
@@ -69,6 +69,7 @@ class Trace:
             belief=moment.belief,
             believed_path=self._believed.points,
             home=moment.home,
+            localised=localised if isinstance(localised, bool) else None,
             activity=self._activity,
             packets=self._packets.points,
             terms=dict(self._terms),

@@ -23,6 +23,7 @@ from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
+from albot_cli.saved_map import saved_map_option
 from albot_cli.signals import STOPPED
 from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
@@ -81,6 +82,7 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     help=f"{completion.listed(completion.ODOMETERS)}.",
 )
 @faults_option
+@saved_map_option
 @click.option(
     "--outward",
     metavar="A..B",
@@ -134,6 +136,7 @@ def command(
     robot: str | None,
     odometer: str,
     faults: str | None,
+    saved_map: str | None,
     outward: str | None,
     steps: int | None,
     engine: Engine,
@@ -167,6 +170,7 @@ def command(
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
     given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps, "faults": faults}
+    given["saved_map"] = saved_map
     settings |= {name: value for name, value in given.items() if value is not None}
     settings |= _task_settings(task, config, outward)
     place = None if minari is None else _dataset_place(minari, force)
@@ -189,6 +193,7 @@ def command(
     outcomes = found.outcomes
     facts: dict[str, Any] = {"task": task, "agent": agent}
     facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer, "faults": faults}
+    facts["saved_map"] = saved_map
     facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
     facts |= {"config": None if config is None else str(config), "untrained": untrained}
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint

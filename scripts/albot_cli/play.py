@@ -35,6 +35,7 @@ from albot_cli.path_type import PathType
 from albot_cli.play_report import episode_summary, episode_text, file_names
 from albot_cli.play_setup import choose_agent, environment_settings
 from albot_cli.robots import robot_option
+from albot_cli.saved_map import saved_map_option
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
 
@@ -44,8 +45,8 @@ if TYPE_CHECKING:
 
 SUFFIX = ".mcap"
 """Suffix of episodes, which distinguishes them from tasks here, and from logs in `albot map`."""
-PRESETS = ("robot", "laser", "odometer", "sonar", "scenes", "compass", "faults")
-"""Options that select the robot, a sensor or faults by name, named like the environment's
+PRESETS = ("robot", "laser", "odometer", "sonar", "scenes", "compass", "faults", "saved_map")
+"""Options that select the robot, a sensor, faults or a map by name, named like the environment's
 arguments."""
 RUN_ONLY = (
     "world",
@@ -112,6 +113,7 @@ SPEED = 10.0
     help=f"{completion.listed(completion.SCENES, 'none')}.  [default: the agent's own, or none]",
 )
 @faults_option
+@saved_map_option
 @click.option(
     "--compass",
     shell_complete=completion.compass_names,

@@ -201,9 +201,9 @@ def watch_command(trial: Trial, options: Sequence[str] = ()) -> str:
     if not isinstance(settings.get("robot", ""), str):
         return ""
     names = ("robot", "mapper", "odometer", "laser", "sonar", "scenes", "compass", "faults")
-    for name in names:
+    for name in (*names, "saved_map"):
         if name in settings:
-            words += [f"--{name}", str(settings[name])]
+            words += [f"--{name.replace('_', '-')}", str(settings[name])]
     outing = getattr(settings.get("config"), "outing", None)
     changed = outing is not None and outing.away != type(outing)().away
     if changed and "--config" not in options:

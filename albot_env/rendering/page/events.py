@@ -109,6 +109,9 @@ def _physical(before: Moment, moment: Moment) -> Iterator[tuple[Kind, str]]:
     """Return what happened to the robot and its map."""
     if moment.updates > before.updates:
         yield "map", f"map updated ({many(moment.updates, 'reading')} in it)"
+    localised = moment.facts.get("localised")
+    if localised != before.facts.get("localised"):
+        yield "place", "localised in the saved map" if localised else "lost in the saved map"
     if moment.room != before.room and moment.room:
         yield "room", f"entered {moment.room}"
     if moment.collided and not before.collided:

@@ -76,6 +76,8 @@ class DrivingTask(Task):
     """
 
     environment: ClassVar[str] = "DrivingTask"
+    starts_at_home: ClassVar[bool] = False
+    """Whether episodes of the task must start at home, also with a saved map."""
     has_budget: ClassVar[bool] = False
     """Whether robots have a time budget, whose remainder can be observed."""
 
@@ -94,6 +96,7 @@ class DrivingTask(Task):
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = mappers = equipment.mappers(robots)
+        self._in_saved_map = equipment.saved_map is not None
         of_readings = faults_of_readings(equipment.faults)
         self._faults = equipment.faults
         self._faulty: FaultyReadings | None = None
@@ -156,6 +159,18 @@ class DrivingTask(Task):
                 world's starts.
         """
         self._simulator.check_start(world, start)
+        if self.starts_at_home and not np.array_equal(start, self.home_of(world, start)):
+            expected = "the world's first start, where the saved map was begun: it is home"
+            raise InputError(self.environment, expected, str(start.tolist()), place="options.start")
+
+    def home_of(self, world: World, start: Pose) -> Pose:
+        """Return where home is in an episode: the start, or where the saved map was begun.
+
+        It is also the frame of the robot's map.
+        """
+        if not self._in_saved_map:
+            return start
+        return np.asarray(world.starts[0], np.float64)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Start a robot with an empty map; call `observe` before anything else.
@@ -180,8 +195,9 @@ class DrivingTask(Task):
             self._state.beliefs[row] = 0
             self._state.ways_home[row, TRAVEL] = 0
         self._worlds[row], self.world_names[row] = world, world.name
-        begin_stats(row, start, stats)
-        self._state.starts[row] = start
+        home = self.home_of(world, start)
+        begin_stats(row, home, stats)
+        self._state.starts[row] = home
         stats.before[row], stats.path_lengths[row] = start[:2], 0.0
 
     def act(self, numbers: Numbers) -> None:
@@ -282,6 +298,7 @@ class DrivingTask(Task):
             "time": self.times,
             "updates": self.updates,
             "surfaces": self.surface_counts,
+            **({"localised": ~self._state.is_lost} if self._in_saved_map else {}),
             **self._fault_facts,
         }
 

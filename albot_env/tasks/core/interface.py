@@ -32,7 +32,7 @@ class TaskInterface(Generic[Robots]):
         robots: Number of robots.
         threads: Threads that share the work; None for one per processor.
         mapper, odometer, laser, sonar, scenes, compass, observation, action, movables, reveal,
-            faults, robot: See `CommonSettings`.
+            faults, saved_map, extend_map, robot: See `CommonSettings`.
         of_task: The task's own settings, which are the keywords of its class.
 
     Raises:
@@ -57,6 +57,8 @@ class TaskInterface(Generic[Robots]):
         movables: bool = True,
         reveal: bool = False,
         faults: Any = None,
+        saved_map: Any = None,
+        extend_map: bool = False,
         robot: Any = DEFAULT_ROBOT,
         **of_task: Any,
     ) -> None:
@@ -79,6 +81,8 @@ class TaskInterface(Generic[Robots]):
             movables=movables,
             reveal=reveal,
             faults=faults,
+            saved_map=saved_map,
+            extend_map=extend_map,
             robot=robot,
             threads=threads,
             environment=task.environment,
@@ -102,6 +106,8 @@ class TaskInterface(Generic[Robots]):
         self._identity |= own | of_task
         if equipment.faults:  # States of old episodes, without any, stay valid.
             self._identity["faults"] = spec_of(equipment.faults)
+        if equipment.saved_map is not None:
+            self._identity |= {"saved_map": equipment.map_digest, "extend_map": extend_map}
         make: Any = task  # A task is made of robots, equipment and its own settings.
         self.robots: Robots = make(robots, equipment, **of_task)
         """The robots."""

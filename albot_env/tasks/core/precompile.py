@@ -47,7 +47,16 @@ def precompile(equipment: Equipment) -> None:
         return
     with process:
         try:
-            _run_robots(replace(equipment, mapper=NO_MAPPER, mapper_config=None, threads=1))
+            _run_robots(
+                replace(
+                    equipment,
+                    mapper=NO_MAPPER,
+                    mapper_config=None,
+                    saved_map=None,
+                    extend_map=False,
+                    threads=1,
+                )
+            )
             process.wait()
         finally:
             process.kill()  # Stops it after an interrupt; has no effect if it has ended.

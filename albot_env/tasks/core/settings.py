@@ -106,6 +106,12 @@ class CommonSettings(TypedDict, total=False):
     faults: Any
     """What goes wrong, and when: specs of faults (`laser-dropout:at=20m`, see docs/faults.md), as
     text, joined by `+`, or in a list; nothing by default."""
+    saved_map: str | Path | None
+    """File of a map of this mapper (`albot map --out`, `save_map`), in which the robot localises
+    itself; None (default) for an empty map. The map must have been begun at the world's first
+    start: there is home, and the map's frame. The robot may start elsewhere."""
+    extend_map: bool
+    """Whether a robot that has localised itself adds to its saved map (default: false)."""
     robot: Any
     """The robot's body and drive: a name (`pioneer-3dx`; `albot_env.sim.ROBOTS`), a `RobotConfig`,
     or a mapping of its fields that differ from the default. Worlds are made and checked for it."""
@@ -220,6 +226,12 @@ class Equipment:
     """Whether the truth is observed, too."""
     faults: tuple[Fault, ...] = ()
     """What goes wrong in an episode."""
+    saved_map: str | None = None
+    """File of the map in which robots localise themselves; None for empty maps."""
+    map_digest: str = ""
+    """Digest of that file."""
+    extend_map: bool = False
+    """Whether robots add to it."""
     threads: int | None = 1
     """Threads that share the work; None for one per processor. The results do not depend on
     the number."""
@@ -237,7 +249,13 @@ class Equipment:
         """
         if self.mapper == NO_MAPPER:
             return None
-        return make_mappers(self.mapper, robots, config=self.mapper_config)
+        return make_mappers(
+            self.mapper,
+            robots,
+            config=self.mapper_config,
+            map=self.saved_map,
+            extend=self.extend_map,
+        )
 
     def single_mapper(self, rng: np.random.Generator) -> Mapper | None:
         """Return the mapper of a single robot; None if it has none.
@@ -262,6 +280,8 @@ def equip(
     movables: bool,
     reveal: bool,
     faults: Any,
+    saved_map: Any,
+    extend_map: bool,
     robot: Any,
     threads: int | None,
     environment: str,
@@ -271,13 +291,14 @@ def equip(
     Raises:
         InputError: A robot, a sensor, a fault or the mapper is unknown, the mapper's config is
             invalid, it or a fault needs a sensor that the robot lacks, `movables` is neither true
-            nor false, or `threads` is no number of threads.
+            nor false, `threads` is no number of threads, or the saved map cannot be read.
     """
     check_threads(threads)
     if not isinstance(movables, bool | np.bool_):
         raise InputError("movables", "True or False", repr(movables))
     if not isinstance(reveal, bool | np.bool_):
         raise InputError("reveal", "True or False", repr(reveal))
+    digest = _map_digest(saved_map, extend_map, mapper)
     robot_config = choose_robot(robot, environment)
     sensors = choose_sensors(
         laser=laser,
@@ -302,7 +323,8 @@ def equip(
         # Always the complete config: it identifies the equipment in the keys of journeys.
         if isinstance(mapper_config, Mapping):
             mapper_config = to_plain(mapper_config)
-        mapper_config = config_for_radius(full_config(spec, mapper_config), robot_config.radius)
+        if saved_map is None or mapper_config is not None:
+            mapper_config = config_for_radius(full_config(spec, mapper_config), robot_config.radius)
     return Equipment(
         mapper=mapper,
         mapper_config=mapper_config,
@@ -311,8 +333,33 @@ def equip(
         movables=movables,
         reveal=bool(reveal),
         faults=choose_faults(faults, sensors, environment, movables=bool(movables)),
+        saved_map=None if saved_map is None else str(saved_map),
+        map_digest=digest,
+        extend_map=bool(extend_map),
         threads=threads,
     )
+
+
+def _map_digest(saved_map: Any, extend_map: Any, mapper: str) -> str:
+    """Return the digest of the map file of a robot with this mapper; empty without one.
+
+    Raises:
+        InputError: It is no path, or the file cannot be read; or there is no map to extend, or no
+            mapper to use it.
+    """
+    if not isinstance(extend_map, bool | np.bool_):
+        raise InputError("extend_map", "True or False", repr(extend_map))
+    if saved_map is None:
+        if extend_map:
+            raise InputError("extend_map", "False, without a saved_map to extend", "True")
+        return ""
+    if mapper == NO_MAPPER:
+        raise InputError("saved_map", "None, for a robot without a mapper", repr(saved_map))
+    if not isinstance(saved_map, str | Path):
+        raise InputError("saved_map", "the path of a map file, or None", repr(saved_map)[:80])
+    from albot_core.localisation.saved_maps import map_digest  # slow to load
+
+    return map_digest(saved_map)
 
 
 def check_seed(seed: Any, environment: str, place: str = "seed") -> int:

@@ -124,7 +124,9 @@ class ExploreAndHomeTask(DrivingTask):
         super().begin(row, world, start, rng)
         self._judge.begin(row, world)
         self._trips.budgets[row] = max(1, round(time / CONTROL_STEP))
-        self._fields = with_field(self._fields, row, self._distance_fields.find(world, start))
+        self._fields = with_field(
+            self._fields, row, self._distance_fields.find(world, self.home_of(world, start))
+        )
         update_way_home(row, float(start[0]), float(start[1]), self._fields, self._trips)
 
     def most_steps(self, row: int) -> int:

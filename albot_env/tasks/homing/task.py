@@ -93,6 +93,7 @@ class WayHomeTask(DrivingTask):
     """
 
     terms_of_reward: ClassVar[tuple[str, ...]] = HomingTerms._fields
+    starts_at_home: ClassVar[bool] = True
 
     def __init__(
         self,

@@ -81,6 +81,9 @@ class PlaceRecognitionTask(Task):
         config = chosen_config(config, PlaceRecognitionConfig, self.environment)
         if equipment.reveal:
             raise InputError(self.environment, "a task in which the agent drives", "reveal=True")
+        if equipment.saved_map is not None:
+            expected = "a task in which the agent drives"
+            raise InputError(self.environment, expected, "saved_map")
         self._tours = Tours(self.environment, equipment, config.tour, journeys)
         most = config.tour.most
         self._sensors = sensors = equipment.sensors

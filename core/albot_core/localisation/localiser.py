@@ -174,6 +174,14 @@ class Localiser(Stored):
         else:
             self._search(scan, motion)
 
+    def believe(self, pose: Pose) -> None:
+        """Believe a pose, as a robot does that is told where it is; the next scans are matched."""
+        self._begin_search()
+        self.standing, self._here = LOCALISED, pose.copy()
+        self._poses = pose[None].copy()
+        self._evidence, self._shares = np.empty((1, 0)), np.empty((1, 0))
+        self._errors.reset()
+
     def _search(self, scan: LaserScan, motion: Pose) -> None:
         """Follow the robot, and at a look weigh the hypotheses."""
         points = scan_points(scan, self.config.following)
