@@ -25,10 +25,10 @@ def engine_options(command: _Command) -> _Command:
         with choice.make_engine(engine, jobs, address) as made:
             return command(*arguments, engine=made, **options)
 
-    add: Callable[[Callable[..., Any]], Callable[..., Any]] = with_engine
+    with_options: Callable[..., Any] = with_engine
     for option in reversed(_OPTIONS):
-        add = option(add)
-    return cast(_Command, add)
+        with_options = option(with_options)
+    return cast(_Command, with_options)
 
 
 _OPTIONS = (
