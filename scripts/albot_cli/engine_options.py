@@ -17,11 +17,33 @@ def engine_options(command: _Command) -> _Command:
     """Add the options; the command gets the engine as `engine`, which is closed when it returns."""
 
     @wraps(command)
-    def with_engine(*arguments: Any, jobs: int | None, **options: Any) -> Any:
+    def with_engine(
+        *arguments: Any, engine: str, address: str | None, jobs: int | None, **options: Any
+    ) -> Any:
         from albot_agents.engine import choice  # Slow to load, as all of the package.
 
-        with choice.make_engine(workers=jobs) as engine:
-            return command(*arguments, engine=engine, **options)
+        with choice.make_engine(engine, jobs, address) as made:
+            return command(*arguments, engine=made, **options)
 
-    add = click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")
-    return cast(_Command, add(with_engine))
+    with_options: Callable[..., Any] = with_engine
+    for option in reversed(_OPTIONS):
+        with_options = option(with_options)
+    return cast(_Command, with_options)
+
+
+_OPTIONS = (
+    click.option("--jobs", type=CountType(1), help="Tasks at a time.  [default: one a core]"),
+    click.option(
+        "--engine",
+        type=click.Choice(["local", "ray"]),
+        default="local",
+        show_default=True,
+        help="Processes of this machine, or Ray (extra `cluster`; docs/scaling.md). The results "
+        "are the same.",
+    ),
+    click.option(
+        "--address",
+        metavar="HOST:PORT",
+        help="With --engine ray: the head of a cluster, or auto.  [default: this machine alone]",
+    ),
+)
