@@ -60,6 +60,8 @@ def _kinds() -> Iterator[type]:
                 ours = inspect.isclass(kind) and kind.__module__ == found.name
                 if not ours or not dataclasses.is_dataclass(kind) or kind is Parameters:
                     continue
+                if inspect.isabstract(kind):
+                    continue
                 check = getattr(kind, "__post_init__", None)  # Not one of another library's.
                 if kind.__name__.endswith("Config") or "albot_" in getattr(check, "__module__", ""):
                     yield kind

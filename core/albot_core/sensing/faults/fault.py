@@ -66,9 +66,9 @@ class Fault(ABC):
         InputError: A quantity has another unit or is out of range.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str] = "fault"
     """Its name in specs."""
-    summary: ClassVar[str]
+    summary: ClassVar[str] = ""
     """What happens, in one sentence."""
     needs: ClassVar[tuple[Need, ...]] = ()
     """What it needs."""
