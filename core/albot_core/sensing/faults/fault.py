@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from abc import ABC
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -59,7 +58,7 @@ def quantity(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault(ABC):
+class Fault:
     """A fault: what happens at a strike, and when it strikes.
 
     Raises:
