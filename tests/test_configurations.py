@@ -27,7 +27,6 @@ from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_core.errors import InputError
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import OccupancyGridLayer
-from albot_core.sensing.faults.fault import Fault
 from albot_env.tasks.place_recognition.spaces import (
     AnswerActionConfig,
     ArrivalsObservationConfig,
@@ -59,10 +58,10 @@ def _kinds() -> Iterator[type]:
         for found in pkgutil.walk_packages(library.__path__, f"{library.__name__}."):
             for kind in vars(importlib.import_module(found.name)).values():
                 ours = inspect.isclass(kind) and kind.__module__ == found.name
-                if not ours or inspect.isabstract(kind) or not dataclasses.is_dataclass(kind):
+                if not ours or not dataclasses.is_dataclass(kind) or kind is Parameters:
                     continue
-                if kind is Parameters or (issubclass(kind, Fault) and not hasattr(kind, "name")):
-                    continue  # The bases of others.
+                if inspect.isabstract(kind):
+                    continue
                 check = getattr(kind, "__post_init__", None)  # Not one of another library's.
                 if kind.__name__.endswith("Config") or "albot_" in getattr(check, "__module__", ""):
                     yield kind

@@ -7,7 +7,7 @@ does not count as one.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
@@ -65,7 +65,7 @@ class Change(NamedTuple):
     """The walls from now on, as many as before; None for the same."""
 
 
-class WorldFault(Fault):
+class WorldFault(Fault, ABC):
     """A fault of the world, or of the robot's place in it."""
 
     needs: ClassVar[tuple[Need, ...]] = ("world",)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -25,7 +25,7 @@ class Moment(NamedTuple):
     """Number of the reading, counted from 0."""
 
 
-class Effect:
+class Effect(ABC):
     """One strike. What it keeps of earlier readings is in `held`, and nowhere else.
 
     Args:
@@ -46,7 +46,7 @@ class Effect:
         return (reading,)
 
 
-class ReadingFault(Fault):
+class ReadingFault(Fault, ABC):
     """A fault that changes readings, or how they arrive."""
 
     @abstractmethod

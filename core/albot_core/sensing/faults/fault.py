@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from abc import ABC
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -59,16 +58,16 @@ def quantity(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault(ABC):
+class Fault:
     """A fault: what happens at a strike, and when it strikes.
 
     Raises:
         InputError: A quantity has another unit or is out of range.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str] = "fault"
     """Its name in specs."""
-    summary: ClassVar[str]
+    summary: ClassVar[str] = ""
     """What happens, in one sentence."""
     needs: ClassVar[tuple[Need, ...]] = ()
     """What it needs."""
