@@ -22,8 +22,8 @@ Episodes in random worlds, each step of which was checked: no number is NaN or o
 the reward is the sum of its terms; the robot is in no wall, box or person, and none of these is
 behind a wall; ranges are those of the surfaces around, by another ray caster, an eighth of the
 beams and sonars at each step in turns; maps are finite and bounded, and their places connected; a
-second mapper with the same readings believes the same to the bit; of one episode in a hundred, the
-recording replays to the bit ([campaigns](campaigns.md))."""
+second mapper with the same readings believes the same to the bit; of one episode in five hundred,
+the recording replays to the bit ([campaigns](campaigns.md))."""
 
 
 def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any]:

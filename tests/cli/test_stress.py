@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from albot_cli.main import main
+from albot_env.recording.reader import EpisodeReader
 from albot_env.tasks.explore.env import ExploreEnv
 from tests.processes import ALBOT, running, wait_until
 
@@ -128,6 +129,60 @@ def test_the_command_that_is_printed_shows_it_again(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RuntimeError, match="lost"):
         main()
+
+
+CAMPAIGN = """\
+worlds: [square-loop]
+count: 2
+steps: 6
+agents: [random]
+odometers: [pioneer, poor]
+"""
+
+
+def test_a_campaign_is_shrunk_and_stored(tmp_path: Path):
+    """What is wrong in every world at the fourth step needs no bad odometer, and no later seed."""
+    (tmp_path / "night.yml").write_text(CAMPAIGN)
+    what = "result[1][:] += 1.0"
+    done = albot(tmp_path, "stress", "night.yml", "--jobs", "1", "--json", what=what)
+    assert (done.returncode, done.stderr) == (1, "")
+    found = json.loads(done.stdout)
+    assert (found["episodes"], len(found["violations"])) == (4, 4)
+    [shrunk] = found["shrunk"]
+    assert shrunk["invariant"] == "reward"
+    assert (shrunk["step"], shrunk["seed"]) == (4, 0)
+    assert shrunk["command"] == (
+        "albot play --world square-loop --agent random --mapper none --odometer ideal --seed 0 "
+        "--steps 4 --no-movables"
+    )
+    assert shrunk["episode"] == "violations/violation-1.mcap"
+    assert len(list(EpisodeReader(tmp_path / shrunk["episode"]).moments())) == 5
+    kept = json.loads((tmp_path / "violations/violations.json").read_text())
+    assert kept["shrunk"] == found["shrunk"]
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("--steps", "3"), "--steps: expected no such option with a campaign, found night.yml"),
+        (("--agent", "random"), "--agent: expected no such option with a campaign"),
+        (("--out", "."), "--out: expected a folder that is not there yet"),
+    ],
+)
+def test_options_that_a_campaign_stands_for(
+    words: tuple[str, ...],
+    found: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    (tmp_path / "night.yml").write_text(CAMPAIGN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["albot", "stress", "night.yml", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert found in capsys.readouterr().err
 
 
 def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):

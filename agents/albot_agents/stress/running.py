@@ -41,7 +41,7 @@ class Checks:
     """Number of steps between two looks at all of a map; one more is at the end."""
     beliefs: float = 1.0
     """Share of the episodes whose readings are given to a second mapper as they come."""
-    replays: float = 0.01
+    replays: float = 0.002
     """Share of the episodes that are recorded and replayed from the file."""
     limits: Limits = DEFAULTS
     """The tolerances."""
