@@ -39,6 +39,7 @@ from albot_core.localisation.config import LocaliserConfig
 from albot_core.localisation.evidence import weigh_poses
 from albot_core.localisation.known_map import KnownMap
 from albot_core.localisation.localiser import LOCALISED, Localiser
+from albot_core.localisation.mapper import known_map_of
 from albot_core.localisation.search import search_map
 from albot_core.logs.log import Log
 from albot_core.mappers.mapper import CorrectedTrajectory
@@ -221,7 +222,7 @@ def map_of(name: str, readings: Sequence[Reading], true: Poses) -> SavedMap:
     believed = np.array(online)
     if isinstance(mapper, CorrectedTrajectory):
         believed = mapper.corrected_poses()
-    return SavedMap(known=KnownMap(mapper.snapshot(), CONFIG), true=true, believed=believed)
+    return SavedMap(known=known_map_of(mapper, CONFIG, name), true=true, believed=believed)
 
 
 def follow(made: Any, drive: Drive, place_of: Callable[[Pose], Pose]) -> dict[str, Any]:
@@ -301,7 +302,7 @@ def measure_log(name: str, path: Path, mapper: str, second: Path | None) -> dict
         poses = list(made.corrected_poses())
     other = log if second is None else read_log_or_episode(second, True, None)
     numbers = range(half, len(other.readings)) if second is None else range(len(other.readings))
-    localiser = Localiser(KnownMap(made.snapshot(), CONFIG, source=path), CONFIG)
+    localiser = Localiser(known_map_of(made, CONFIG, path), CONFIG)
     to_map = _frame(log, np.array(poses), half) if second is None else None
     truth = None if to_map is None else _reference(log)
     rows, way = [], 0.0

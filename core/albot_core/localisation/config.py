@@ -84,9 +84,9 @@ class LocaliserConfig:
     """Largest distance of the points that are searched for (m)."""
     search_share: float = 0.4
     """Least mean likelihood of the points at a pose that the search returns."""
-    candidates: int = 150
+    candidates: int = 250
     """Number of poses that a search returns at most."""
-    hypotheses: int = 60
+    hypotheses: int = 100
     """Number of hypotheses that are kept at most."""
     step: float = 0.5
     """Distance between two looks, the scans that are weighed (m)."""

@@ -1,7 +1,8 @@
 """A saved map, as localisation uses it: walls, free ground, and likelihood fields.
 
 It is made from the layers of any mapper's snapshot: from an occupancy grid as it is; from line
-segments by drawing them, where what can be seen from known viewpoints up to the first wall is free.
+segments by drawing them. There the ground is free that can be seen, up to the first wall, from
+known viewpoints or from ground that was seen from them.
 """
 
 from __future__ import annotations
@@ -32,8 +33,12 @@ _BORDER = 1.0
 """Unknown ground around the map (m)."""
 _SIGHT = 8.0
 """Distance within which ground seen from a viewpoint is free (m)."""
-_RAYS = 720
+_RAYS = 360
 """Number of directions in which a viewpoint sees."""
+_APART = 0.75
+"""Viewpoints are this far apart (m)."""
+_ROUNDS = 2
+"""How often ground that is seen to be free becomes a viewpoint itself."""
 FARTHEST = 1.0
 """Distances from walls are known up to this (m)."""
 _BODY = 0.15
@@ -132,10 +137,10 @@ def viewpoints_of(snapshot: MapSnapshot) -> Points:
 
 
 def _sampled(segments: Segments) -> Points:
-    """Return points along line segments, at most a cell apart (m)."""
+    """Return points along line segments, at most half a cell apart (m), so that none is passed."""
     points = []
     for line in segments:
-        count = max(2, math.ceil(math.dist(line[:2], line[2:]) / CELL) + 1)
+        count = max(2, math.ceil(math.dist(line[:2], line[2:]) / (0.5 * CELL)) + 1)
         along = np.linspace(0.0, 1.0, count)[:, None]
         points.append(line[:2] + along * (line[2:] - line[:2]))
     return np.concatenate(points) if points else np.empty((0, 2))
@@ -179,9 +184,12 @@ def _ground_of_walls(
     kinds = np.zeros(shape, np.uint8)
     where = ((walls - corner) / CELL).astype(int)
     kinds[where[:, 1], where[:, 0]] = WALL
-    cells = np.unique(((viewpoints - corner) / (5 * CELL)).astype(int), axis=0)
-    eyes = corner + (cells + 0.5) * 5 * CELL
-    free_rays(kinds, corner, eyes, _SIGHT)
+    eyes = viewpoints
+    for _ in range(_ROUNDS):
+        cells = np.unique(((eyes - corner) / _APART).astype(int), axis=0)
+        free_rays(kinds, corner, corner + (cells + 0.5) * _APART, _SIGHT)
+        # What a robot saw from there it may have entered, and seen more.
+        eyes = corner + (np.argwhere(kinds == FREE)[:, ::-1] + 0.5) * CELL
     return _with_distances(kinds, corner)
 
 

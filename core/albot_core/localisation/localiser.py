@@ -51,6 +51,8 @@ _ALIGNED = 3
 """Number of latest looks with which a hypothesis is aligned."""
 _ALIGNED_POINTS = 120
 """Number of their points that are used at most."""
+_JOINED = 8
+"""Number of latest looks that are searched for together before a hypothesis is believed."""
 _HOPELESS = 30.0
 """A hypothesis is dropped if the evidence for another is larger by this."""
 
@@ -200,9 +202,7 @@ class Localiser(Stored):
             self._look(scan)
             self._weigh_latest()
             if self._searched < 0 or self._way - self._searched >= self.config.search_every:
-                self._propose()
-                self._searched = self._way
-            self._prune()
+                self._propose(_ALIGNED)
             self._decide()
         if len(self._poses):
             self._here = self._poses[int(np.argmax(self._evidence.sum(axis=1)))].copy()
@@ -260,10 +260,14 @@ class Localiser(Stored):
     def _weigh(self, poses: Poses, points: Points) -> tuple[np.ndarray, np.ndarray]:
         return weigh_poses(self.known.ground, poses, points, self._eye, self.config.evidence)
 
-    def _propose(self) -> None:
-        """Search the map for further hypotheses, and weigh them by all looks."""
-        config = self.config
-        points = self._latest_points(_ALIGNED)
+    def _propose(self, most: int) -> None:
+        """Search the map for further hypotheses by the latest looks, and weigh them by all looks.
+
+        Args:
+            most: Number of latest looks that are searched for, at most.
+        """
+        config, self._searched = self.config, self._way
+        points = self._latest_points(most)
         near = points[np.hypot(*points.T) <= config.search_reach]
         apart = config.apart, config.apart_turn
         found, _ = search_map(
@@ -285,6 +289,8 @@ class Localiser(Stored):
 
     def _prune(self) -> None:
         """Keep the best of the hypotheses that are one, and at most so many."""
+        if not len(self._poses):
+            return
         config, total = self.config, self._evidence.sum(axis=1)
         order = np.argsort(-total, kind="stable")
         order = order[total[order] >= total.max(initial=-math.inf) - _HOPELESS]
@@ -314,15 +320,16 @@ class Localiser(Stored):
 
     def _decide(self) -> None:
         """Believe the best hypothesis if no other is left; or call the robot lost."""
-        config = self.config
-        probabilities, nowhere = self._weights()
-        best = int(np.argmax(probabilities)) if len(probabilities) else -1
-        fits = best >= 0 and nowhere < 0.5 and self._fits(best)
-        if fits or self._way < config.nowhere:
-            self.standing = self.standing if self._way < config.nowhere else UNDECIDED
-        else:
-            self.standing = LOST
-        if not fits or probabilities[best] < config.certain or not self._has_looked_again(best):
+        self._prune()
+        best = self._likeliest()
+        if best >= 0 and self._is_sure(best) and self._searched < self._way:
+            # Rivals that earlier searches have missed get a last chance, by more looks together.
+            self._propose(_JOINED)
+            self._prune()
+            best = self._likeliest()
+        if self._way >= self.config.nowhere:
+            self.standing = LOST if best < 0 else UNDECIDED
+        if best < 0 or not self._is_sure(best):
             return
         last = self._looks[-1].pose
         here = self._poses[best].copy()
@@ -334,6 +341,20 @@ class Localiser(Stored):
         self._evidence, self._shares = self._evidence[[best]], self._shares[[best]]
         self._errors.reset()
         self._follower.reset()
+
+    def _likeliest(self) -> int:
+        """Return the likeliest hypothesis, if it is likelier than none and the map explains it.
+
+        Otherwise -1: the robot is most likely nowhere in the map.
+        """
+        probabilities, nowhere = self._weights()
+        best = int(np.argmax(probabilities)) if len(probabilities) else -1
+        return best if best >= 0 and nowhere < 0.5 and self._fits(best) else -1
+
+    def _is_sure(self, which: int) -> bool:
+        """Return whether a hypothesis is probable enough, and was confirmed from elsewhere."""
+        probabilities, _ = self._weights()
+        return bool(probabilities[which] >= self.config.certain) and self._has_looked_again(which)
 
     def _fits(self, which: int) -> bool:
         """Return whether the map explains enough of all looks, and of the worst of them."""

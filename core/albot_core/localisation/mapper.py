@@ -9,10 +9,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.localisation.config import LocaliserConfig
 from albot_core.localisation.known_map import CELL as GROUND_CELL
-from albot_core.localisation.known_map import UNKNOWN, WALL, KnownMap
+from albot_core.localisation.known_map import UNKNOWN, WALL, KnownMap, viewpoints_of
 from albot_core.localisation.localiser import LOCALISED, STATES, Hypothesis, Localiser
 from albot_core.mappers.mapper import Estimate, Mapper, MapperSpec, WayHome
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
@@ -34,6 +34,33 @@ class Resumable(Protocol):
             pose: The robot's pose on the map.
             scan: The scan that was taken there.
         """
+
+
+@runtime_checkable
+class Visited(Protocol):
+    """A mapper that remembers where the robot has been, but has no layer that says so."""
+
+    @property
+    def visited(self) -> Points:
+        """Points where the robot has been (m, map frame)."""
+
+
+def known_map_of(mapper: Mapper, config: LocaliserConfig, source: object) -> KnownMap:
+    """Return a mapper's map, as localisation uses it.
+
+    Args:
+        mapper: The mapper.
+        config: Resolution of the map.
+        source: Name of the map in errors.
+
+    Raises:
+        InputError: The map has no walls, or is larger than any building.
+    """
+    snapshot = mapper.snapshot()
+    viewpoints = viewpoints_of(snapshot)
+    if isinstance(mapper, Visited):
+        viewpoints = np.concatenate((viewpoints, mapper.visited))
+    return KnownMap(snapshot, config, viewpoints, source)
 
 
 class MapUser:
@@ -67,7 +94,7 @@ class MapUser:
             expected = "the map of a mapper that goes on mapping from any pose"
             raise InputError(source, expected, f"one of {saved.spec.name}", place="extend")
         if known is None:
-            known = KnownMap(saved.snapshot(), config or LocaliserConfig(), source=source)
+            known = known_map_of(saved, config or LocaliserConfig(), source)
         self.saved = saved
         """The mapper whose map it is, with all that was added since."""
         self.extends = extend

@@ -10,7 +10,7 @@ from typing import Any
 from albot_core.errors import InputError
 from albot_core.localisation.config import LocaliserConfig
 from albot_core.localisation.known_map import KnownMap
-from albot_core.localisation.mapper import MapUser
+from albot_core.localisation.mapper import MapUser, known_map_of
 from albot_core.mappers.map_file import load_map
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import mapper_config, mapper_spec
@@ -82,4 +82,4 @@ def _known_map(path: str, digest: str) -> KnownMap:
     if "laser" not in saved.spec.sensors:
         found = f"one of {saved.spec.name}, which has none"
         raise InputError(path, "a map of a mapper with a laser", found)
-    return KnownMap(saved.snapshot(), LocaliserConfig(), source=path)
+    return known_map_of(saved, LocaliserConfig(), path)

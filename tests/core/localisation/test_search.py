@@ -31,11 +31,14 @@ def points_at(pose: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_the_best_pose_found_is_the_true_one(pose):
+def test_the_true_pose_is_among_the_best(pose):
+    """One scan of a corner may fit another corner as well: what the second look is for."""
     found, scores = search_map(KNOWN, points_at(pose), math.radians(3), 0.4, 50, (0.5, 0.35))
-    assert np.hypot(*(found[0] - pose)[:2]) < 0.2
-    assert abs((found[0, 2] - pose[2] + np.pi) % (2 * np.pi) - np.pi) < math.radians(3)
     assert (np.diff(scores) <= 0).all() and scores[0] > 0.7
+    off = np.hypot(*(found - pose)[:, :2].T)
+    turn = np.abs((found[:, 2] - pose[2] + np.pi) % (2 * np.pi) - np.pi)
+    right = np.flatnonzero((off < 0.2) & (turn < math.radians(3)))
+    assert len(right) and scores[right[0]] > scores[0] - 0.03
 
 
 def test_it_finds_the_poses_that_trying_each_one_finds():

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.poses import transform_points
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.places.events import Event
@@ -113,6 +114,12 @@ class Albot1:
     def exits(self) -> Segments:
         """The lines across the exits seen and remembered, in the map's frame (m)."""
         return self._robot.exits(0)
+
+    @property
+    def visited(self) -> Points:
+        """Where the robot has been: its breadcrumbs, in the map's frame (m)."""
+        network = self._robot.network(0)
+        return transform_points(network.map_to_graph, network.breadcrumbs.points)
 
     @property
     def predicted_exits(self) -> Segments:
