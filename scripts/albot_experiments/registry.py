@@ -164,6 +164,12 @@ EXPERIMENTS = {
             needs_data=True,
         ),
         Experiment(
+            id="hssh-tree",
+            title="HSSH's tree of topological maps on nested loops (Beeson et al. 2010)",
+            seeds=20,
+            module="albot_experiments.hssh_tree",
+        ),
+        Experiment(
             id="ratslam-loop",
             title="RatSLAM closes loops under odometric error (Milford et al. 2005, section 5.2)",
             seeds=20,

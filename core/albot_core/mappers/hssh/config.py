@@ -18,7 +18,7 @@ _LIMIT = Range("a positive number or infinity", 0.0, beyond=True, infinite=True)
 class PlaceConfig:
     """How a visit is compared with a known place, and when. All values are ours."""
 
-    search: float = 0.8
+    search: float = 0.5
     """Distance driven from one search for gateways to the next (m)."""
     beyond: float = 0.3
     """Distance behind a gateway at which the robot has left the place (m)."""

@@ -21,6 +21,8 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 UNKNOWN, FREE, WALL = np.int8(0), np.int8(1), np.int8(2)
 """States of a cell of the local map."""
+_SAME = 0.4
+"""Distance of the middles of two gateways below which they are one (m)."""
 _RATIO = Range("a number within (0, 1)", 0.0, 1.0, beyond=True)
 
 
@@ -45,7 +47,7 @@ class GatewayConfig:
     island: float = 1.5
     """Largest extent of what stands alone on free ground and is no wall: furniture (m). 0 makes
     gateways between furniture and walls, too."""
-    straight: float = math.radians(35.0)
+    straight: float = math.radians(45.0)
     """Largest angle between two gateways, and between each and the line from one to the other, at
     which they continue one another (rad)."""
 
@@ -106,7 +108,7 @@ def find_gateways(ground: Ground, config: GatewayConfig) -> Narrows:
     kept: list[list[float]] = []
     for k in np.argsort(widths, kind="stable").tolist():
         line = ends[k].tolist()
-        if fits[k] and not any(_is_same(line, other, config.apart) for other in kept):
+        if fits[k] and not any(_is_same(line, other) for other in kept):
             kept.append(line)
     return Narrows(
         gateways=np.array(kept).reshape(-1, 4), clearance=clearance, skeleton=skeleton.cells
@@ -137,7 +139,8 @@ def find_constrictions(
     heights = np.empty(len(cells))
     along = np.zeros(len(cells))
     for k in range(len(cells)):
-        heights[k] = clearance[cells[k, 0], cells[k, 1]]
+        # From the centre of the cell to the edge of the wall's cell, not to its centre.
+        heights[k] = clearance[cells[k, 0], cells[k, 1]] - 0.5
         if k > 0:
             up, across = cells[k, 0] - cells[k - 1, 0], cells[k, 1] - cells[k - 1, 1]
             along[k] = along[k - 1] + math.sqrt(up * up + across * across)
@@ -257,10 +260,10 @@ def turning_points(
     return count
 
 
-def _is_same(one: list[float], other: list[float], apart: float) -> bool:
+def _is_same(one: list[float], other: list[float]) -> bool:
     """Return whether two gateways are one: their middles are near."""
     x, y = one[0] + one[2] - other[0] - other[2], one[1] + one[3] - other[1] - other[3]
-    return 0.5 * math.hypot(x, y) < apart
+    return 0.5 * math.hypot(x, y) < _SAME
 
 
 @kernel()
@@ -358,11 +361,15 @@ class Region:
         """The widths of the gateways (m)."""
         return np.asarray(np.hypot(*(self.gateways[:, 2:] - self.gateways[:, :2]).T))
 
+    def is_narrow(self, config: GatewayConfig) -> bool:
+        """Return whether it is hardly wider than its widest gateway, like a corridor."""
+        widest = self.widths.max(initial=0.0)
+        return bool(self.clearance * config.ratio <= 0.5 * widest)
+
     def is_path(self, config: GatewayConfig) -> bool:
         """Return whether it is a piece of a path: it leads from one gateway to the one ahead."""
-        if continuations(self.gateways, config.straight) != (1, 0):
-            return False
-        return bool(self.clearance * config.ratio <= 0.5 * self.widths.max())
+        leads_on = continuations(self.gateways, config.straight) == (1, 0)
+        return leads_on and self.is_narrow(config)
 
 
 def region_around(ground: Ground, narrows: Narrows, robot: Points) -> Region | None:

@@ -176,6 +176,12 @@ class Visits(Stored):
         self._visits.append(visit)
         self._stars.append(visit.star(self._config.gateways.straight))
 
+    def cancel(self) -> None:
+        """Forget the present visit: it was to no place."""
+        self._visits.pop()
+        self._stars.pop()
+        self._alignments = {k: v for k, v in self._alignments.items() if len(self) not in k[:2]}
+
     def amend(self, visit: Visit) -> bool:
         """Replace what is known of the present visit; return whether its star has changed."""
         before = self._stars[-1], self._visits[-1].arrived
