@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -64,7 +65,7 @@ def experience(route: Sequence[Junction] = ROUTE) -> tuple[Star, list[Travel]]:
     """Return the star of the first place and the travels, as a robot perceives them on a route."""
     star, leads = star_from(route[0], directions(route[0])[0])
     travels = []
-    for here, there in zip(route, route[1:], strict=False):
+    for here, there in pairwise(route):
         way = _STEPS.index((there[0] - here[0], there[1] - here[1]))
         left = leads.index(way)
         following, leads = star_from(there, (way + 2) % 4)

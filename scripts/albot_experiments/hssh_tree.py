@@ -185,12 +185,11 @@ The paper's floor is not given as a plan. Ours has its numbers of paths, places 
 topologies: a lattice of three corridors along and three across, of which one ends dead. Floor and
 route were chosen among random ones for an outcome of the paper's kind: without planarity several
 maps are minimal, and with it one is, the correct one. That the number of planar maps is the paper's
-is by this choice; the number of all maps is smaller than the paper's, and so is the number of
-minimal ones.
+is by this choice; all maps are fewer than the paper's, and so are the minimal ones.
 
-Then a robot with the odometer `pioneer` is led over the floor, {len(ROUTE) - 1} travel actions, once
-for each of the seeds {seeds.start} to {seeds.stop - 1}. The mapper `hssh` perceives gateways and
-stars by its laser. It compares visits by the stars alone, or by stars and local maps, as by
+Then a robot with the odometer `pioneer` is led over the floor, {len(ROUTE) - 1} travel actions,
+once for each of the seeds {seeds.start} to {seeds.stop - 1}. The mapper `hssh` perceives gateways
+and stars by its laser. It compares visits by the stars alone, or by stars and local maps, as by
 default. `map_is_correct`: the share of robots whose preferred map says rightly of every visit which
 place it was to. Asked are one minimal planar map by the drawn stars, the correct one, and
 {ASKED:.0%} of the robots with a correct map by stars and local maps. Maps and minimal maps are

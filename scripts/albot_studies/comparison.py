@@ -41,6 +41,7 @@ MAPPERS = (
     "gmapping",
     "grid-slam",
     "dp-slam",
+    "hssh",
     "karto",
 )
 """The mappers that use a laser."""

@@ -31,6 +31,8 @@ class PlaceConfig:
     overlap: float = 0.7
     """Smallest share of the points on walls that must be found again: the paper's match of the
     local maps. 0 matches the stars alone."""
+    around: float = 3.0
+    """Largest distance of these points from the middle of the place (m)."""
     points: int = 120
     """Largest number of points on walls that are kept of a visit."""
     drift: float = math.inf

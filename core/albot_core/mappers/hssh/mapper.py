@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -270,12 +271,12 @@ class Hssh(StoredMapper):
     def _perceive(self, ground: Ground, region: Region, arrived: int) -> None:
         """Note what is known of the present place, and what the tree makes of it."""
         self._misses = 0
-        number = len(self._visits) - 1
+        number, places = len(self._visits) - 1, self.config.places
         visit = self._visits[number]._replace(
             arrived=arrived,
             middle=region.peak,
             gateways=region.gateways,
-            surface=surface_of(ground, region, self.config.places.points),
+            surface=surface_of(ground, region.peak, places.around, places.points),
         )
         self._visits.amend(visit)
         self._preview()
@@ -425,12 +426,10 @@ class Hssh(StoredMapper):
 
     def _travelled(self, leaf: TopologicalMap) -> list[tuple[Gateway, Gateway]]:
         """Return the gateways between which the robot has travelled."""
+        visits = [self._visits[k] for k in range(len(leaf.visits))]
         return [
-            (
-                leaf.gateway(self._visits[k - 1].left, k - 1),
-                leaf.gateway(self._visits[k].arrived, k),
-            )
-            for k in range(1, len(leaf.visits))
+            (leaf.gateway(before.left, k), leaf.gateway(after.arrived, k + 1))
+            for k, (before, after) in enumerate(pairwise(visits))
         ]
 
     def _lines(self, leaf: TopologicalMap, place: int) -> Float64[np.ndarray, "gateways 4"]:
@@ -448,7 +447,9 @@ class Hssh(StoredMapper):
         layer = self._perceived.layer(self._frames[-1])
         if not self._poses:
             return MapSnapshot(layers=(layer, place_graph(None, self._visits, self._frames)))
-        return MapSnapshot(layers=(layer, place_graph(self.believed_map, self._visits, self._frames)))
+        return MapSnapshot(
+            layers=(layer, place_graph(self.believed_map, self._visits, self._frames))
+        )
 
     def _sizes(self) -> dict[str, Any]:
         return {"config": self.config}
