@@ -176,6 +176,25 @@ EXPERIMENTS = {
             needs_data=True,
         ),
         Experiment(
+            id="hssh-gateways",
+            title="HSSH's gateways on real floor plans, beside their doors (Beeson et al. 2010)",
+            seeds=5,
+            module="albot_experiments.hssh_gateways",
+            needs_data=True,
+        ),
+        Experiment(
+            id="hssh-homing",
+            title="HSSH comes home over its places and paths in random offices",
+            seeds=20,
+            module="albot_experiments.hssh_homing",
+        ),
+        Experiment(
+            id="hssh-tree",
+            title="HSSH's tree of topological maps on nested loops (Beeson et al. 2010)",
+            seeds=20,
+            module="albot_experiments.hssh_tree",
+        ),
+        Experiment(
             id="ratslam-loop",
             title="RatSLAM closes loops under odometric error (Milford et al. 2005, section 5.2)",
             seeds=20,

@@ -42,6 +42,7 @@ MAPPERS = (
     "gmapping",
     "grid-slam",
     "dp-slam",
+    "hssh",
     "karto",
 )
 """The mappers that use a laser."""

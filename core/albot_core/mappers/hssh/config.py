@@ -18,7 +18,7 @@ _LIMIT = Range("a positive number or infinity", 0.0, beyond=True, infinite=True)
 class PlaceConfig:
     """How a visit is compared with a known place, and when. All values are ours."""
 
-    search: float = 0.8
+    search: float = 0.5
     """Distance driven from one search for gateways to the next (m)."""
     beyond: float = 0.3
     """Distance behind a gateway at which the robot has left the place (m)."""
@@ -31,6 +31,8 @@ class PlaceConfig:
     overlap: float = 0.7
     """Smallest share of the points on walls that must be found again: the paper's match of the
     local maps. 0 matches the stars alone."""
+    around: float = 3.0
+    """Largest distance of these points from the middle of the place (m)."""
     points: int = 120
     """Largest number of points on walls that are kept of a visit."""
     drift: float = math.inf

@@ -1,8 +1,8 @@
 """Gateways: where the ground narrows between a place and what lies around it.
 
-A gateway lies on the Voronoi skeleton where the distance to the nearest wall has a local minimum;
-it runs from wall to wall (Beeson et al. 2010, section 5; Hossain 2014, section 2.3.3). In a corridor
-the distance does not change, so its gateway lies where the corridor begins, seen from the junction.
+A gateway lies on the Voronoi skeleton where the distance to the nearest wall has a local minimum,
+and runs from wall to wall (Beeson et al. 2010, section 5; Hossain 2014, section 2.3.3). In a
+corridor the distance does not change, so its gateway lies where the corridor begins, seen from the junction.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 UNKNOWN, FREE, WALL = np.int8(0), np.int8(1), np.int8(2)
 """States of a cell of the local map."""
+_SAME = 0.4
+"""Distance of the middles of two gateways below which they are one (m)."""
 _RATIO = Range("a number within (0, 1)", 0.0, 1.0, beyond=True)
 
 
@@ -45,7 +47,7 @@ class GatewayConfig:
     island: float = 1.5
     """Largest extent of what stands alone on free ground and is no wall: furniture (m). 0 makes
     gateways between furniture and walls, too."""
-    straight: float = math.radians(35.0)
+    straight: float = math.radians(45.0)
     """Largest angle between two gateways, and between each and the line from one to the other, at
     which they continue one another (rad)."""
 
@@ -106,7 +108,7 @@ def find_gateways(ground: Ground, config: GatewayConfig) -> Narrows:
     kept: list[list[float]] = []
     for k in np.argsort(widths, kind="stable").tolist():
         line = ends[k].tolist()
-        if fits[k] and not any(_is_same(line, other, config.apart) for other in kept):
+        if fits[k] and not any(_is_same(line, other) for other in kept):
             kept.append(line)
     return Narrows(
         gateways=np.array(kept).reshape(-1, 4), clearance=clearance, skeleton=skeleton.cells
@@ -137,7 +139,8 @@ def find_constrictions(
     heights = np.empty(len(cells))
     along = np.zeros(len(cells))
     for k in range(len(cells)):
-        heights[k] = clearance[cells[k, 0], cells[k, 1]]
+        # From the centre of the cell to the edge of the wall's cell, not to its centre.
+        heights[k] = clearance[cells[k, 0], cells[k, 1]] - 0.5
         if k > 0:
             up, across = cells[k, 0] - cells[k - 1, 0], cells[k, 1] - cells[k - 1, 1]
             along[k] = along[k - 1] + math.sqrt(up * up + across * across)
@@ -193,34 +196,41 @@ def constrictions(
         stop -= 1
     count, found = turning_points(heights, start, stop, ratio, turns), 0
     for k in range(count):
-        low = turns[k, 0]
         if turns[k, 1] == 0:
             continue
-        least = heights[low] + flat
-        first = last = low
-        if k > 0:  # The first cell after the maximum before.
-            first = turns[k - 1, 0]
-            while heights[first] > least:
-                first += 1
-        if k + 1 < count:
-            last = turns[k + 1, 0]
-            while heights[last] > least:
-                last -= 1
-        if 0 < k < count - 1:
-            if along[last] - along[first] < apart:
-                chosen[found] = (first + last) // 2
-                found += 1
-            else:
-                chosen[found], chosen[found + 1] = first, last
-                found += 2
-        elif k > 0:
-            if along[len(along) - 1] - along[first] >= (arm if tips[1] else 0.5 * arm):
-                chosen[found] = first
-                found += 1
-        elif count > 1 and along[last] - along[0] >= (arm if tips[0] else 0.5 * arm):
+        first, last = _extent(heights, turns, k, count, flat)
+        if 0 < k < count - 1 and along[last] - along[first] < apart:
+            chosen[found] = (first + last) // 2
+            found += 1
+            continue
+        # Of ground that ends without a maximum at least so much must be known behind a gateway.
+        before = apart if k < count - 1 else along[len(along) - 1] - along[first]
+        behind = apart if k > 0 else along[last] - along[0]
+        if k > 0 and before >= (arm if tips[1] and k == count - 1 else 0.5 * arm):
+            chosen[found] = first
+            found += 1
+        if k < count - 1 and behind >= (arm if tips[0] and k == 0 else 0.5 * arm):
             chosen[found] = last
             found += 1
     return found
+
+
+@kernel()
+def _extent(
+    heights: np.ndarray, turns: np.ndarray, k: int, count: int, flat: float
+) -> tuple[int, int]:
+    """Return the first and last cell of a minimum, as far as the clearance stays near it."""
+    first = last = turns[k, 0]
+    least = heights[first] + flat
+    if k > 0:  # From the maximum before.
+        first = turns[k - 1, 0]
+        while heights[first] > least:
+            first += 1
+    if k + 1 < count:
+        last = turns[k + 1, 0]
+        while heights[last] > least:
+            last -= 1
+    return first, last
 
 
 @kernel()
@@ -257,10 +267,10 @@ def turning_points(
     return count
 
 
-def _is_same(one: list[float], other: list[float], apart: float) -> bool:
+def _is_same(one: list[float], other: list[float]) -> bool:
     """Return whether two gateways are one: their middles are near."""
     x, y = one[0] + one[2] - other[0] - other[2], one[1] + one[3] - other[1] - other[3]
-    return 0.5 * math.hypot(x, y) < apart
+    return 0.5 * math.hypot(x, y) < _SAME
 
 
 @kernel()
@@ -358,11 +368,15 @@ class Region:
         """The widths of the gateways (m)."""
         return np.asarray(np.hypot(*(self.gateways[:, 2:] - self.gateways[:, :2]).T))
 
+    def is_narrow(self, config: GatewayConfig) -> bool:
+        """Return whether it is hardly wider than its widest gateway, like a corridor."""
+        widest = self.widths.max(initial=0.0)
+        return bool(self.clearance * config.ratio <= 0.5 * widest)
+
     def is_path(self, config: GatewayConfig) -> bool:
         """Return whether it is a piece of a path: it leads from one gateway to the one ahead."""
-        if continuations(self.gateways, config.straight) != (1, 0):
-            return False
-        return bool(self.clearance * config.ratio <= 0.5 * self.widths.max())
+        leads_on = continuations(self.gateways, config.straight) == (1, 0)
+        return leads_on and self.is_narrow(config)
 
 
 def region_around(ground: Ground, narrows: Narrows, robot: Points) -> Region | None:
@@ -452,7 +466,36 @@ def surround(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int
         The gateways with other free ground behind, from the south on, and their number.
     """
     rows, columns = labels.shape
-    stack = np.empty((rows * columns, 2), np.int32)
+    low_row, low_column = _fill(labels, row, column)
+    leads = _leading(labels)
+    order, count = np.empty(len(leads), np.int64), 0
+    is_listed = np.zeros(len(leads), np.bool_)
+    # Along the sides of the cells, with the region to the left: the southern side of the lowest
+    # cell first, eastwards. `turn` counts quarter turns from the east.
+    i, j, turn = low_row, low_column, 0
+    for _ in range(4 * rows * columns):
+        right = labels[i + _UP[turn - 1], j + _ACROSS[turn - 1]]
+        if right < 0 and leads[-1 - right] and not is_listed[-1 - right]:
+            is_listed[-1 - right] = True
+            order[count] = -1 - right
+            count += 1
+        a, b = i + _UP[turn], j + _ACROSS[turn]
+        c, d = a + _UP[turn - 1], b + _ACROSS[turn - 1]
+        if labels[a, b] != _INSIDE:
+            turn = (turn + 1) % 4
+        elif labels[c, d] == _INSIDE:
+            i, j, turn = c, d, (turn - 1) % 4
+        else:
+            i, j = a, b
+        if i == low_row and j == low_column and turn == 0:
+            break
+    return order, count
+
+
+@kernel(arrays=True)
+def _fill(labels: np.ndarray, row: int, column: int) -> tuple[int, int]:
+    """Mark the region around a cell; return row and column of the first cell of its lowest row."""
+    stack = np.empty((labels.size, 2), np.int32)
     labels[row, column] = _INSIDE
     stack[0, 0], stack[0, 1] = row, column
     size, low_row, low_column = 1, row, column
@@ -467,40 +510,23 @@ def surround(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int
                 labels[a, b] = _INSIDE
                 stack[size, 0], stack[size, 1] = a, b
                 size += 1
-    lines = 0
-    for i in range(rows):
-        for j in range(columns):
-            lines = max(lines, -labels[i, j])
-    # A gateway with the region on both sides separates nothing, one with nothing behind leads
-    # nowhere.
-    leads = np.zeros(lines, np.bool_)
+    return low_row, low_column
+
+
+@kernel(arrays=True)
+def _leading(labels: np.ndarray) -> np.ndarray:
+    """Return whether each gateway has free ground beside it that is not the region's.
+
+    One with the region on both sides separates nothing, one with nothing behind leads nowhere.
+    """
+    rows, columns = labels.shape
+    leads = np.zeros(max(-labels.min(), 0), np.bool_)
     for i in range(1, rows - 1):
         for j in range(1, columns - 1):
             if labels[i, j] < 0:
                 for n in range(8):
                     leads[-1 - labels[i, j]] |= labels[i + _ROWS[n], j + _COLUMNS[n]] == 1
-    order, count = np.empty(lines, np.int64), 0
-    is_listed = np.zeros(lines, np.bool_)
-    # Along the sides of the cells, with the region to the left: the southern side of the lowest
-    # cell first, eastwards. `turn` counts quarter turns from the east.
-    i, j, turn = low_row, low_column, 0
-    for _ in range(4 * rows * columns):
-        right = labels[i + _UP[turn - 1], j + _ACROSS[turn - 1]]
-        if right < 0 and leads[-1 - right] and not is_listed[-1 - right]:
-            is_listed[-1 - right] = True
-            order[count] = -1 - right
-            count += 1
-        a, b = i + _UP[turn], j + _ACROSS[turn]
-        if labels[a, b] != _INSIDE:
-            turn = (turn + 1) % 4
-        else:
-            c, d = a + _UP[turn - 1], b + _ACROSS[turn - 1]
-            i, j = a, b
-            if labels[c, d] == _INSIDE:
-                i, j, turn = c, d, (turn - 1) % 4
-        if i == low_row and j == low_column and turn == 0:
-            break
-    return order, count
+    return leads
 
 
 _ROWS = np.array((0, 1, 1, 1, 0, -1, -1, -1))

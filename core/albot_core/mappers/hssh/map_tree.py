@@ -52,7 +52,8 @@ class Visit(NamedTuple):
 
 Judge = Callable[[int, int], bool]
 """Whether the latest visit can be to the place that was first visited at a visit, with a shift of
-its gateways: the place for evidence besides the stars, such as the local maps."""
+its gateways: the place for evidence besides the stars, such as the local maps. It is asked where a
+travel closes a loop; where it follows a way that the map knows, the star is enough."""
 
 
 def anything(first: int, shift: int) -> bool:
@@ -214,7 +215,7 @@ class TopologicalMap:
         known = self.joined[here[0]][here[1]]
         if known != OPEN:
             visit = self._visit(travel, known)
-            if visit is not None and judge(self.firsts[visit.place], visit.shift):
+            if visit is not None:
                 yield TopologicalMap(
                     self.firsts, self.stars, self.joined, (*self.visits, visit), self.paths
                 )

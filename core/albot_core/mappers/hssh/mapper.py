@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -238,6 +239,8 @@ class Hssh(StoredMapper):
         if best >= 0 or self._misses < _PATIENCE:
             self._misses += best < 0
             return best
+        if region.is_narrow(self.config.gateways):
+            return -1  # A corridor of which one end lies beyond the local map.
         left = last.middles[last.left]
         return int(np.argmin(np.hypot(*(region.middles - left).T)))
 
@@ -245,10 +248,18 @@ class Hssh(StoredMapper):
         """Replace what is known of the present place, if the region is that of the visit."""
         number = len(self._visits) - 1
         visit = self._visits[number]
+        x, y, _ = self._pose.tolist()
+        if len(visit.gateways) and crossed(visit.gateways, x, y, 0.0) >= 0:
+            return  # It stands behind a gateway, but has not gone far enough to have left.
         if visit.arrived < 0:
             self._perceive(ground, region, -1)
             return
         if not len(region.gateways):
+            return
+        if region.is_path(self.config.gateways):
+            # Its far end has come into view, and it is a piece of the path.
+            self._visits.cancel()
+            self._believe(None if self._tree is None else self._tree.best)
             return
         away = np.hypot(*(region.middles - visit.middles[visit.arrived]).T)
         nearest = int(np.argmin(away))
@@ -260,12 +271,12 @@ class Hssh(StoredMapper):
     def _perceive(self, ground: Ground, region: Region, arrived: int) -> None:
         """Note what is known of the present place, and what the tree makes of it."""
         self._misses = 0
-        number = len(self._visits) - 1
+        number, places = len(self._visits) - 1, self.config.places
         visit = self._visits[number]._replace(
             arrived=arrived,
             middle=region.peak,
             gateways=region.gateways,
-            surface=surface_of(ground, region, self.config.places.points),
+            surface=surface_of(ground, region.peak, places.around, places.points),
         )
         self._visits.amend(visit)
         self._preview()
@@ -297,8 +308,8 @@ class Hssh(StoredMapper):
         self._routes: Routes | None = None
 
     @property
-    def _map(self) -> TopologicalMap:
-        """The map that is believed."""
+    def believed_map(self) -> TopologicalMap:
+        """The preferred map, with the present visit as it is perceived so far."""
         return self._best or TopologicalMap.beginning(self._visits.star(0))
 
     def _places(self) -> list[int]:
@@ -377,7 +388,7 @@ class Hssh(StoredMapper):
         way[TRAVEL] = float(np.hypot(*here))
         if not self._poses:
             return way
-        leaf = self._map
+        leaf = self.believed_map
         number = len(self._visits) - 1
         place = leaf.here.place
         if place == 0 and not self._is_away:
@@ -415,12 +426,10 @@ class Hssh(StoredMapper):
 
     def _travelled(self, leaf: TopologicalMap) -> list[tuple[Gateway, Gateway]]:
         """Return the gateways between which the robot has travelled."""
+        visits = [self._visits[k] for k in range(len(leaf.visits))]
         return [
-            (
-                leaf.gateway(self._visits[k - 1].left, k - 1),
-                leaf.gateway(self._visits[k].arrived, k),
-            )
-            for k in range(1, len(leaf.visits))
+            (leaf.gateway(before.left, k), leaf.gateway(after.arrived, k + 1))
+            for k, (before, after) in enumerate(pairwise(visits))
         ]
 
     def _lines(self, leaf: TopologicalMap, place: int) -> Float64[np.ndarray, "gateways 4"]:
@@ -438,7 +447,9 @@ class Hssh(StoredMapper):
         layer = self._perceived.layer(self._frames[-1])
         if not self._poses:
             return MapSnapshot(layers=(layer, place_graph(None, self._visits, self._frames)))
-        return MapSnapshot(layers=(layer, place_graph(self._map, self._visits, self._frames)))
+        return MapSnapshot(
+            layers=(layer, place_graph(self.believed_map, self._visits, self._frames))
+        )
 
     def _sizes(self) -> dict[str, Any]:
         return {"config": self.config}

@@ -191,10 +191,7 @@ def trace_branches(
     Nodes are cells with one neighbour or with more than two. Neighbouring nodes make no branch.
     """
     rows, columns = kept.shape
-    total = 0
-    for row in range(rows):
-        for column in range(columns):
-            total += kept[row, column]
+    total = kept.sum()
     cells = np.empty((4 * total + 8, 2), np.int32)
     ends, nodes = np.empty(2 * total + 2, np.int64), np.zeros((2 * total + 2, 2), np.int32)
     degree = np.zeros(kept.shape, np.int32)
@@ -204,53 +201,99 @@ def trace_branches(
                 degree[row, column] = _degree(kept, row, column)
     used = np.zeros(kept.shape, np.bool_)
     count = branches = 0
-    for is_ring in (False, True):  # What is left after the nodes' branches are rings.
+    for kind in range(3):  # From nodes; round the rings that are left; and cells alone.
         for row in range(1, rows - 1):
             for column in range(1, columns - 1):
-                if not kept[row, column] or (degree[row, column] == 2) != is_ring:
+                if not kept[row, column] or _kind(degree[row, column]) != kind:
                     continue
-                if is_ring and used[row, column]:
-                    continue
-                for n in range(8):
-                    i, j = row + _ROWS[n], column + _COLUMNS[n]
-                    if not kept[i, j] or used[i, j] or degree[i, j] != 2:
-                        continue
+                if kind == 2:
                     cells[count, 0], cells[count, 1] = row, column
-                    nodes[branches, 0] = 0 if is_ring else degree[row, column]
-                    used[row, column] |= is_ring
-                    before_i, before_j, count = row, column, count + 1
-                    while True:
-                        cells[count, 0], cells[count, 1] = i, j
-                        count += 1
-                        if degree[i, j] != 2:
-                            nodes[branches, 1] = degree[i, j]
-                            break
-                        used[i, j] = True
-                        next_i = next_j = -1
-                        for m in (0, 2, 4, 6, 1, 3, 5, 7):
-                            a, b = i + _ROWS[m], j + _COLUMNS[m]
-                            if not kept[a, b] or (a == before_i and b == before_j):
-                                continue
-                            # Two steps of a branch may touch; the one before is not the next.
-                            if degree[a, b] != 2 or not used[a, b]:
-                                next_i, next_j = a, b
-                                break
-                        if next_i < 0:
-                            nodes[branches, 1] = 0
-                            break
-                        before_i, before_j, i, j = i, j, next_i, next_j
+                    count += 1
                     ends[branches] = count
                     branches += 1
-                    if is_ring:
-                        break
-    for row in range(1, rows - 1):
-        for column in range(1, columns - 1):
-            if kept[row, column] and degree[row, column] == 0:
-                cells[count, 0], cells[count, 1] = row, column
-                count += 1
-                ends[branches] = count
-                branches += 1
+                    continue
+                count, branches = _leave(
+                    kept, degree, used, cells, ends, nodes, count, branches, row, column
+                )
     return cells, ends, nodes, count, branches
+
+
+@kernel()
+def _leave(
+    kept: np.ndarray,
+    degree: np.ndarray,
+    used: np.ndarray,
+    cells: np.ndarray,
+    ends: np.ndarray,
+    nodes: np.ndarray,
+    count: int,
+    branches: int,
+    row: int,
+    column: int,
+) -> tuple[int, int]:
+    """Follow the branches that leave a node, or a ring from one of its cells.
+
+    Returns:
+        The numbers of cells and branches.
+    """
+    is_ring = degree[row, column] == 2
+    if is_ring and used[row, column]:
+        return count, branches
+    used[row, column] = is_ring
+    for n in range(8):
+        i, j = row + _ROWS[n], column + _COLUMNS[n]
+        if not kept[i, j] or used[i, j] or degree[i, j] != 2:
+            continue
+        cells[count, 0], cells[count, 1] = row, column
+        nodes[branches, 0] = 0 if is_ring else degree[row, column]
+        count, nodes[branches, 1] = _follow(kept, degree, used, cells, count + 1, i, j)
+        ends[branches] = count
+        branches += 1
+        if is_ring:
+            break
+    return count, branches
+
+
+@kernel()
+def _kind(degree: int) -> int:
+    """Return 0 for a node, 1 for a cell of a branch, and 2 for a cell without a neighbour."""
+    if degree == 0:
+        return 2
+    return 1 if degree == 2 else 0
+
+
+@kernel()
+def _follow(
+    kept: np.ndarray,
+    degree: np.ndarray,
+    used: np.ndarray,
+    cells: np.ndarray,
+    count: int,
+    i: int,
+    j: int,
+) -> tuple[int, int]:
+    """Follow a branch from its second cell; return the number of cells and the last one's degree.
+
+    The degree is 0 where the branch comes round to its beginning.
+    """
+    while True:
+        cells[count, 0], cells[count, 1] = i, j
+        count += 1
+        if degree[i, j] != 2:
+            return count, degree[i, j]
+        used[i, j] = True
+        before_i, before_j = cells[count - 2, 0], cells[count - 2, 1]
+        next_i = next_j = -1
+        for n in (0, 2, 4, 6, 1, 3, 5, 7):
+            a, b = i + _ROWS[n], j + _COLUMNS[n]
+            # Two steps of a branch may touch; the one before is not the next.
+            is_back = a == before_i and b == before_j
+            if kept[a, b] and not is_back and not (degree[a, b] == 2 and used[a, b]):
+                next_i, next_j = a, b
+                break
+        if next_i < 0:
+            return count, 0
+        i, j = next_i, next_j
 
 
 @kernel()

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from albot_core.geometry.poses import compose, transform_points
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.hssh.config import HsshConfig
-from albot_core.mappers.hssh.gateways import Ground, Region, continuations
+from albot_core.mappers.hssh.gateways import WALL, Ground, continuations
 from albot_core.mappers.hssh.map_tree import Travel
 from albot_core.mappers.hssh.star import Star
 from albot_core.mappers.ratslam.arrays import Table
@@ -62,17 +62,19 @@ class Alignment(NamedTuple):
     """Share of the points on walls that are found again: of the map that finds fewer."""
 
 
-def surface_of(ground: Ground, region: Region, most: int) -> Points:
-    """Return points on the walls of a region, evenly chosen (m)."""
-    states, inside = ground.states, region.inside
-    beside = np.zeros(states.shape, np.bool_)
-    beside[1:] |= inside[:-1]
-    beside[:-1] |= inside[1:]
-    beside[:, 1:] |= inside[:, :-1]
-    beside[:, :-1] |= inside[:, 1:]
-    cells = np.argwhere(beside & (states == 2))
-    step = max(math.ceil(len(cells) / max(most, 1)), 1)
-    return ground.centres(cells[::step][:most])
+def surface_of(ground: Ground, middle: Points, reach: float, most: int) -> Points:
+    """Return points on the walls around a place, evenly chosen (m).
+
+    Args:
+        ground: The part of the local map.
+        middle: The middle of the place (m).
+        reach: Largest distance from there (m).
+        most: Largest number of points.
+    """
+    points = ground.centres(np.argwhere(ground.states == WALL))
+    points = points[np.hypot(*(points - middle).T) <= reach]
+    step = max(math.ceil(len(points) / max(most, 1)), 1)
+    return points[::step][:most]
 
 
 def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
@@ -175,6 +177,12 @@ class Visits(Stored):
         """Begin a visit."""
         self._visits.append(visit)
         self._stars.append(visit.star(self._config.gateways.straight))
+
+    def cancel(self) -> None:
+        """Forget the present visit: it was to no place."""
+        self._visits.pop()
+        self._stars.pop()
+        self._alignments = {k: v for k, v in self._alignments.items() if len(self) not in k[:2]}
 
     def amend(self, visit: Visit) -> bool:
         """Replace what is known of the present visit; return whether its star has changed."""

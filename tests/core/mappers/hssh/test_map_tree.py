@@ -70,13 +70,18 @@ def is_map(stars: list[Star], travels: list[Travel], visits: tuple, planar: bool
     for one, other in partner.items():
         if one < other:
             paths.add_edge(one, other)
+    return are_lines(paths) and (not planar or is_planar(star_of, partner))
+
+
+def are_lines(paths: nx.MultiGraph) -> bool:
+    """No path runs in a circle, or through a place twice."""
     for part in nx.connected_components(paths):
         local = [node[1] for node in part if node[0] == "local"]
         if len(local) > len(set(local)):
             return False
         if paths.subgraph(part).number_of_edges() >= len(part):
             return False
-    return not planar or is_planar(star_of, partner)
+    return True
 
 
 def is_planar(star_of: dict, partner: dict) -> bool:
