@@ -18,7 +18,7 @@ from albot_agents.scripted.driving import (
 from albot_core.geometry.poses import inverse, transform_points
 from albot_core.geometry.types import Points
 from albot_core.planning.navigator import GoalSeeker
-from albot_core.planning.systematic_search import SystematicSearch
+from albot_core.planning.systematic_search import SearchConfig, SystematicSearch
 
 
 class SahabotHoming(DrivingAgent[GoalSeeker]):
@@ -41,14 +41,18 @@ class SahabotHoming(DrivingAgent[GoalSeeker]):
     """Length of the home vector below which it ends (m)."""
     AT_NEST = 0.5
     """Length of the home vector up to which a recognised place is the nest (m)."""
-    PATIENCE = 600
+    PATIENCE = 200
     """Number of steps by landmarks after which it searches instead: they lead nowhere."""
-    STALL = 100
+    STALL = 40
     """Number of steps after which a point of the search counts as out of reach."""
+
+    SEARCH = SearchConfig(largest=2.5, loops=4)
+    """The loops of its search: in a building walls bar longer ones, and the compass leads nearer to
+    home than they would."""
 
     def __init__(self, configs: EnvironmentConfigs) -> None:
         super().__init__(configs, GoalSeeker(steering_for(configs)))
-        self._search = SystematicSearch()
+        self._search = SystematicSearch(self.SEARCH)
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin a new episode."""

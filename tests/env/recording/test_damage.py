@@ -191,15 +191,15 @@ def test_a_wrong_header_says_where(tmp_path: Path, changes: dict, place: str) ->
 
 
 def test_an_episode_of_another_version_is_told(tmp_path: Path) -> None:
-    _write(tmp_path / "a.mcap", [("/albot/header", _header(format=7))])
-    with pytest.raises(InputError, match="header/format: expected 6, found 7, of another version"):
+    _write(tmp_path / "a.mcap", [("/albot/header", _header(format=8))])
+    with pytest.raises(InputError, match="header/format: expected 7, found 8, of another version"):
         EpisodeReader(tmp_path / "a.mcap")
 
 
 STEP_SENT = {
     "stamp": 0.0, "action": None, "reward": 0.0, "terms": {"coverage": 1.0}, "motion": [0, 0, 0],
-    "echoes": None, "scene": None, "pose": [0, 0, 0], "collided": False, "room": "west",
-    "path_length": 0.0, "belief": [0, 0, 0], "home": [0, 0, 0], "updates": 0,
+    "echoes": None, "scene": None, "compass": None, "pose": [0, 0, 0], "collided": False,
+    "room": "west", "path_length": 0.0, "belief": [0, 0, 0], "home": [0, 0, 0], "updates": 0,
     "matched_reading": None, "facts": {"coverage": 0.5},
 }  # fmt: skip
 NODE = {"id": 0, "label": "P1", "pose": [0, 0, 0], "middle": [0, 0], "segments": []}

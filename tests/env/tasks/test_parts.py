@@ -16,7 +16,7 @@ from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from tests.env.quick import LOOP
 
 ROOT = Path(__file__).parents[3]
-CONFIG = ObservationConfig(parts=PART_NAMES)
+CONFIG = ObservationConfig(parts=PART_NAMES, has_compass=True)
 
 
 def test_the_layout_has_the_parts_in_their_order_one_after_another() -> None:
@@ -36,7 +36,8 @@ def test_a_part_is_filled_in_wholly_and_can_be_decoded(name: str) -> None:
     for parts in ((name,), PART_NAMES):
         observations = replace(CONFIG, parts=parts)
         config = ExploreAndHomeConfig(observations=observations, hints=True, claims=False)
-        env = gymnasium.make("Albot/ExploreAndHomeRevealed-v1", world=LOOP, config=config)
+        settings = {"world": LOOP, "config": config, "compass": "polarised"}
+        env = gymnasium.make("Albot/ExploreAndHomeRevealed-v1", **settings)
         env.unwrapped._robot.observations[:] = np.nan  # type: ignore[attr-defined]
         env.reset(seed=1)
         for _ in range(12):

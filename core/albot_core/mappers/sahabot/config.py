@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from albot_core.errors import InputError
-from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
+from albot_core.ranges import FROM_ONE, POSITIVE, SHARE, Range, check_fields
 
 _WIDTH = Range("an angle within (0, pi]", 0.0, math.pi, beyond=True)
 
@@ -39,11 +39,15 @@ class LandmarkConfig:
     """Largest width of a landmark (rad): a wall all along one side is none."""
     least: int = 2
     """Least number of landmarks, at the nest and now, that tell a direction."""
+    alike: float = 0.6
+    """Least ratio of the smaller of these two numbers to the larger: otherwise what is seen now is
+    not the array of landmarks at the nest."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "jump", "reach")
         check_fields(self, _WIDTH, "widest")
         check_fields(self, FROM_ONE, "least")
+        check_fields(self, SHARE, "alike")
 
 
 @dataclass(frozen=True, kw_only=True)

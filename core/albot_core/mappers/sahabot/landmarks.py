@@ -178,4 +178,4 @@ def landmark_chords(landmarks: Sectors) -> Segments:
     reach = landmarks[:, 2]
     ends = [landmarks[:, 0] + side * landmarks[:, 1] / 2 for side in (-1.0, 1.0)]
     parts = [part for end in ends for part in (reach * np.cos(end), reach * np.sin(end))]
-    return np.stack(parts, axis=-1).reshape(-1, 4)
+    return np.asarray(np.stack(parts, axis=-1).reshape(-1, 4))

@@ -168,7 +168,8 @@ class Sahabot(StoredMapper):
         config = self.config.landmarks
         nest = seen_by_both(find_landmarks(self._nest, config), self._panorama != UNSEEN)
         now = seen_by_both(find_landmarks(self._panorama, config), self._nest != UNSEEN)
-        if min(len(nest), len(now)) < config.least:
+        fewer, more = sorted((len(nest), len(now)))
+        if fewer < config.least or fewer < config.alike * more:
             return None
         home_by = home_by_average if self.config.visual == "alv" else home_by_snapshot
         return home_by(now, nest)
