@@ -53,6 +53,7 @@ STUDIES = {
     "odometer-resets": "Put resets of the odometer into logs, and map them.",
     "place-evidence": "Fit the weights of the evidence that two places are one.",
     "room-confusions": "Count the random worlds in which a room is taken for another.",
+    "scaling": "Measure what campaigns cost on many cores: docs/scaling.md.",
     "slam-growth": "Measure metric SLAM's time and memory, lap by lap.",
     "trivial-policies": "Measure what trivial policies earn in each task: docs/rewards.md.",
 }

@@ -41,15 +41,20 @@ class ResumableCommand(click.Command):
             return super().parse_args(ctx, args)
         from albot_agents.engine.rows import Manifest
 
-        how, others = self._split(args)
+        how, others = self._split(args, resumes=True)
         if others:
-            raise InputError(others[0], "no such option with --resume, whose run has its own", "it")
-        words = list(Manifest.read(folder, str(self.name)).words)
+            kind = "option" if others[0].startswith("-") else "argument"
+            expected = f"no such {kind} with --resume, whose run has its own"
+            raise InputError(others[0].partition("=")[0], expected)
+        words = list(Manifest.read(folder, str(ctx.info_name)).words)
         ctx.meta[__name__] = words
         return super().parse_args(ctx, [*words, *how])
 
-    def _split(self, args: list[str]) -> tuple[list[str], list[str]]:
-        """Return the arguments that say how a run is run, and the others, without `--rows`."""
+    def _split(self, args: list[str], *, resumes: bool = False) -> tuple[list[str], list[str]]:
+        """Return the arguments that say how a run is run, and the others.
+
+        The place of a new run's rows is none of either.
+        """
         how: list[str] = []
         others: list[str] = []
         options = {name: each for each in self.params for name in each.opts}
@@ -58,7 +63,7 @@ class ResumableCommand(click.Command):
             name = word.partition("=")[0]
             option = options.get(name)
             value = [next(left, "")] if _takes_next(option, word) else []
-            if name != "--rows":
+            if name != "--rows" or resumes:
                 (how if name in _HOW else others).extend([word, *value])
         return how, others
 
@@ -91,11 +96,5 @@ def continued(ctx: click.Context, place: Path | None) -> list[str]:
 
 
 def rows_place(rows: Path | None, resume: Path | None) -> tuple[Path | None, bool]:
-    """Return the folder of the rows, or None, and whether its run is resumed.
-
-    Raises:
-        InputError: Both are given.
-    """
-    if rows is not None and resume is not None:
-        raise InputError("--rows", "no such option with --resume", str(rows))
+    """Return the folder of the rows, or None, and whether its run is resumed."""
     return (rows if resume is None else resume), resume is not None

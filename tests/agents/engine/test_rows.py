@@ -82,9 +82,7 @@ def test_rows_come_back_to_the_bit(
         for number in order[6:]:
             folder.add(number, row(number))
     assert (path / TAIL).read_bytes() == b""
-    assert list(read_rows(path, COLUMNS)) == [
-        {"number": number, **row(number)} for number in order
-    ]
+    assert list(read_rows(path, COLUMNS)) == [{"number": number, **row(number)} for number in order]
 
 
 def test_a_torn_line_is_a_task_that_was_not_done(tmp_path: Path, packs: bool) -> None:
