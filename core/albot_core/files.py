@@ -10,6 +10,7 @@ import os
 import re
 import shutil
 import stat
+import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -279,6 +280,31 @@ def new_folder(folder: Path) -> Iterator[None]:
                 for each in made[1:]:
                     each.rmdir()
         raise
+
+
+@contextmanager
+def sole_writer(file: Path, folder: Path) -> Iterator[None]:
+    """Let no other process enter such a block with the same file during the block.
+
+    Windows has no such locks; there it does nothing.
+
+    Args:
+        file: A file of the folder, which is there.
+        folder: The folder that the process writes into, for the error.
+
+    Raises:
+        InputError: Another process is in the block.
+    """
+    with file.open("rb") as stream:
+        if sys.platform != "win32":
+            import fcntl
+
+            try:  # The lock ends with the process, however it ends.
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                expected = "a folder that no other process writes into"
+                raise InputError(folder, expected, "one that does") from None
+        yield
 
 
 @contextmanager

@@ -31,19 +31,21 @@ def engine_options(command: _Command) -> _Command:
     return cast(_Command, with_options)
 
 
+ENGINE = click.option(
+    "--engine",
+    type=click.Choice(["local", "ray"]),
+    default="local",
+    show_default=True,
+    help="Processes of this machine, or Ray (extra `cluster`; docs/scaling.md). The results are "
+    "the same.",
+)
+ADDRESS = click.option(
+    "--address",
+    metavar="HOST:PORT",
+    help="With --engine ray: the head of a cluster, or auto.  [default: this machine alone]",
+)
 _OPTIONS = (
     click.option("--jobs", type=CountType(1), help="Tasks at a time.  [default: one a core]"),
-    click.option(
-        "--engine",
-        type=click.Choice(["local", "ray"]),
-        default="local",
-        show_default=True,
-        help="Processes of this machine, or Ray (extra `cluster`; docs/scaling.md). The results "
-        "are the same.",
-    ),
-    click.option(
-        "--address",
-        metavar="HOST:PORT",
-        help="With --engine ray: the head of a cluster, or auto.  [default: this machine alone]",
-    ),
+    ENGINE,
+    ADDRESS,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import time
@@ -23,6 +24,14 @@ from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
+from albot_cli.rows_options import (
+    RESUME,
+    ROWS,
+    ResumableCommand,
+    continued,
+    rows_place,
+    words_of,
+)
 from albot_cli.saved_map import saved_map_option
 from albot_cli.signals import STOPPED
 from albot_core.drawing.figure import save_figure
@@ -33,6 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from albot_agents.engine.engine import Engine
+    from albot_agents.engine.rows import RowsFolder
     from albot_agents.evaluation.plan import Trial
     from albot_agents.evaluation.trial import Outcome
     from albot_env.export.minari_dataset import DatasetPlace
@@ -40,7 +50,7 @@ if TYPE_CHECKING:
 _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv"
 
 
-@click.command()
+@click.command(cls=ResumableCommand)
 @click.argument("task", shell_complete=completion.task_names)
 @click.option(
     "--agent",
@@ -90,6 +100,8 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
     "[default: 30..100]",
 )
 @click.option("--steps", type=CountType(1), help="Time limit.  [default: the task's]")
+@ROWS
+@RESUME
 @engine_options
 @click.option(
     "--batch",
@@ -124,7 +136,10 @@ _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv
 @figure_options("the failures")
 @FORCE
 @JSON
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     task: str,
     agent: str,
     worlds: tuple[str, ...],
@@ -140,6 +155,8 @@ def command(
     outward: str | None,
     steps: int | None,
     engine: Engine,
+    rows: Path | None,
+    resume: Path | None,
     batch: int,
     minari: str | None,
     out: Path | None,
@@ -183,13 +200,17 @@ def command(
     }
     judges_success = _check_settings(trials, chosen)
     recordings = plan_recordings(record, only, batch, [*trials.values()], judges_success, force)
+    kept, resumes = rows_place(rows, resume)
+    rows_folder = None if kept is None else _rows_folder(ctx, kept, trials, record, minari)
     if place is not None:
         trials[agent] = [replace(trial, keeps_transitions=True) for trial in trials[agent]]
     its, untrained = chosen[agent]
     began = time.perf_counter()
     folder = new_folder(record) if record is not None else nullcontext()
     with folder, open_dataset(place, force=force) as dataset:
-        found = run_trials([*trials.values()], engine, batch, dataset, recordings)
+        found = run_trials(
+            [*trials.values()], engine, batch, dataset, recordings, rows_folder, resumes=resumes
+        )
     outcomes = found.outcomes
     facts: dict[str, Any] = {"task": task, "agent": agent}
     facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer, "faults": faults}
@@ -201,6 +222,7 @@ def command(
     facts["against"] = against and _against(against, *chosen[against], outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": found.stopped}
     facts["failed"] = [each.facts for each in found.failed]
+    facts["rows"] = None if kept is None else str(kept)
     facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
     if place is not None and dataset.size["episodes"]:
         facts["files"]["minari"] = place.load
@@ -208,8 +230,43 @@ def command(
     files = {"--mapper-config": mapper_config, "--config": config}
     _write(facts, outcomes, out, figure, files)
     lines = [each.text for each in found.failed]
+    lines += continued(ctx, kept) if found.stopped else []
     click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
     return STOPPED if found.stopped else int(bool(found.failed))
+
+
+def _rows_folder(
+    ctx: click.Context,
+    place: Path,
+    trials: Mapping[str, list[Trial]],
+    record: Path | None,
+    minari: str | None,
+) -> RowsFolder:
+    """Return the folder of the rows, which is neither read nor made yet.
+
+    Raises:
+        InputError: There is more to be kept of the episodes than rows hold.
+    """
+    from albot_agents.engine.rows import Manifest, RowsFolder, files_digest
+    from albot_agents.evaluation.outcome_rows import COLUMNS
+    from albot_env.export.transitions import environment_spec
+
+    for option, given in {"--record": record, "--minari": minari}.items():
+        if given is not None:
+            raise InputError("--rows", f"no {option}, of which rows keep nothing", str(given))
+    first = {name: some[0] for name, some in trials.items()}
+    keys = [f"{trial.world} {trial.seed}" for trial in next(iter(trials.values()))]
+    plan = {
+        "agents": {
+            name: environment_spec(trial.task, {**trial.settings, "world": ""})
+            for name, trial in first.items()
+        },
+        "episodes": hashlib.sha256("\n".join(keys).encode()).hexdigest(),
+        "files": files_digest({*trials, *(key.rpartition(" ")[0] for key in keys)}),
+    }
+    tasks = len(keys) * len(trials)
+    manifest = Manifest(command="evaluate", words=words_of(ctx), plan=plan, tasks=tasks)
+    return RowsFolder(path=place, manifest=manifest, columns=COLUMNS)
 
 
 def _agents(task: str, agent: str, against: str | None) -> list[str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import TYPE_CHECKING
 
 from albot_agents.engine.engine import Crash, Engine
+from albot_agents.evaluation.outcome_rows import outcome_of, row_of
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.together import run_together
 from albot_agents.evaluation.trial import FailedTrial, Outcome, run_recorded, run_trial
@@ -17,6 +19,7 @@ from albot_cli.progress import progress
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
+    from albot_agents.engine.rows import RowsFolder
     from albot_agents.evaluation.recordings import Recordings
     from albot_env.export.minari_dataset import DatasetPlace, MinariWriter
     from albot_env.export.transitions import Transitions
@@ -41,6 +44,9 @@ def run_trials(
     batch: int,
     dataset: OrderedDataset,
     recordings: Recordings | None = None,
+    rows: RowsFolder | None = None,
+    *,
+    resumes: bool = False,
 ) -> Evaluated:
     """Run the trials of all agents in turn, so that a stopped run has the same episodes of each.
 
@@ -51,25 +57,52 @@ def run_trials(
         dataset: Takes the transitions.
         recordings: Where the episodes are recorded; of those that have not ended with all agents,
             nothing is left there.
+        rows: Takes a row of each episode; None for none.
+        resumes: Whether `rows` has some already, whose trials are not run again.
 
     Raises:
-        InputError: A trial cannot be run.
+        InputError: A trial cannot be run, or as `RowsFolder.opened`.
     """
-    done: dict[tuple[str, int], Outcome] = {}
+    engine.start()
+    with nullcontext({}) if rows is None else rows.opened(resume=resumes) as known:
+        done = {}
+        for number, row in known.items():
+            k, agent = divmod(number, len(trials))
+            trial = trials[agent][k]
+            assert rows is not None
+            done[trial.agent, k] = outcome_of(row, trial, rows.path)
+        return _run_others(trials, done, engine, batch, dataset, recordings, rows)
+
+
+def _run_others(
+    trials: list[list[Trial]],
+    done: dict[tuple[str, int], Outcome],
+    engine: Engine,
+    batch: int,
+    dataset: OrderedDataset,
+    recordings: Recordings | None,
+    rows: RowsFolder | None,
+) -> Evaluated:
+    """Run the trials that are not done, by agent and number; see `run_trials`."""
     failed: dict[tuple[int, int], FailedTrial] = {}
     stopped = False
     numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials[0])}
     agents = [some[0].agent for some in trials]
     every = [trial for some in trials for trial in some]
-    results = _results(trials, engine, batch, recordings)
+    left = [[(agent, k) not in done for k in range(len(trials[0]))] for agent in agents]
+    results = _results(trials, left, engine, batch, recordings)
+    board = progress("evaluate", len(every), "episodes", start=len(done))
     try:
-        with progress("evaluate", len(every), "episodes") as update, closing(results):
+        with board as update, closing(results):
             for result in results:
                 trial = result.trial
                 number = numbers[trial.world, trial.seed]
                 if isinstance(result, FailedTrial):
                     failed[number, agents.index(trial.agent)] = result
                 else:
+                    if rows is not None:
+                        place = number * len(agents) + agents.index(trial.agent)
+                        rows.add(place, row_of(result))
                     done[trial.agent, number] = dataset.add(number, result)
                 update(len(done) + len(failed), f"{len(failed)} failed" if failed else "")
     except KeyboardInterrupt:
@@ -89,16 +122,21 @@ def run_trials(
 
 
 def _results(
-    trials: list[list[Trial]], engine: Engine, batch: int, recordings: Recordings | None
+    trials: list[list[Trial]],
+    left: list[list[bool]],
+    engine: Engine,
+    batch: int,
+    recordings: Recordings | None,
 ) -> Generator[Outcome | FailedTrial, None, None]:
-    """Yield the outcomes of the trials of all agents as they end.
+    """Yield the outcomes of those trials of all agents that are `left`, as they end.
 
     Raises:
         InputError: A trial cannot be run.
     """
     if batch == 1:
         run = run_trial if recordings is None else partial(run_recorded, recordings=recordings)
-        each = [trial for paired in zip(*trials, strict=True) for trial in paired]
+        masks = list(zip(trials, left, strict=True))
+        each = [some[k] for k in range(len(trials[0])) for some, mask in masks if mask[k]]
         with closing(engine.run(run, each)) as singles:
             for one in singles:
                 if isinstance(one.result, Crash):
@@ -107,8 +145,12 @@ def _results(
                     yield one.result
         return
     starts = range(0, len(trials[0]), batch)
-    groups = [some[start : start + batch] for start in starts for some in trials]
-    with closing(engine.run(run_together, groups)) as batches:
+    parts = [
+        list(compress(some[start : start + batch], mask[start : start + batch]))
+        for start in starts
+        for some, mask in zip(trials, left, strict=True)
+    ]
+    with closing(engine.run(run_together, [part for part in parts if part])) as batches:
         for done in batches:
             if isinstance(done.result, Crash):
                 yield from (FailedTrial(trial=trial, crash=done.result) for trial in done.task)

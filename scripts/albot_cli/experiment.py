@@ -55,6 +55,7 @@ STUDIES = {
     "place-evidence": "Fit the weights of the evidence that two places are one.",
     "room-confusions": "Count the random worlds in which a room is taken for another.",
     "saved-maps": "Localise robots in saved maps: docs/saved_maps.md.",
+    "scaling": "Measure what campaigns cost on many cores: docs/scaling.md.",
     "slam-growth": "Measure metric SLAM's time and memory, lap by lap.",
     "trivial-policies": "Measure what trivial policies earn in each task: docs/rewards.md.",
 }

@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Iterable
-from contextlib import closing
+from contextlib import closing, nullcontext
 from itertools import count as counting
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,14 @@ from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
+from albot_cli.rows_options import (
+    RESUME,
+    ROWS,
+    ResumableCommand,
+    continued,
+    rows_place,
+    words_of,
+)
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
 from albot_core.errors import InputError
@@ -30,6 +38,7 @@ from albot_core.files import write_text
 
 if TYPE_CHECKING:
     from albot_agents.engine.engine import Engine
+    from albot_agents.engine.rows import RowsFolder
     from albot_agents.stress.campaign import Campaign
     from albot_agents.stress.episodes import Outcome, Violation
 
@@ -44,7 +53,7 @@ _PLAN = (
 """The options that a campaign's file stands for."""
 
 
-@click.command()
+@click.command(cls=ResumableCommand)
 @click.argument("campaign", required=False, type=PathType(dir_okay=False))
 @click.option(
     "--worlds",
@@ -121,6 +130,8 @@ _PLAN = (
     help="New folder for the episodes of violations.  [default: violations, or the first of "
     "violations-1, violations-2, … that is free]",
 )
+@ROWS
+@RESUME
 @engine_options
 @JSON
 @click.pass_context
@@ -131,6 +142,8 @@ def command(
     beams: float | None,
     seconds: float,
     out: Path | None,
+    rows: Path | None,
+    resume: Path | None,
     engine: Engine,
     as_json: bool,
     **plan: Any,
@@ -152,10 +165,14 @@ def command(
     if out is not None and out.exists():
         raise InputError("--out", "a folder that is not there yet", str(out))
     tally = _Tally()
-    _run(chosen, engine, tally)
+    place, resumes = rows_place(rows, resume)
+    kept = None if place is None else _rows_folder(ctx, chosen, place)
+    _run(chosen, engine, tally, kept, resumes)
     if tally.violations and seconds and not tally.stopped:
         _shrink(chosen, engine, tally, seconds, out or _free_folder())
-    click.echo(json.dumps(tally.facts(chosen.agents)) if as_json else tally.text())
+    lines = continued(ctx, place) if tally.stopped else []
+    facts = tally.facts(chosen.agents) | {"rows": None if place is None else str(place)}
+    click.echo(json.dumps(facts) if as_json else "\n".join([tally.text(), *lines]))
     if tally.violations:
         return 1
     return STOPPED if tally.stopped else 0
@@ -225,6 +242,11 @@ class _Tally:
         self.stopped = False
         """Whether Ctrl-C ended the run."""
 
+    @property
+    def note(self) -> str:
+        """What is told of it beside the progress."""
+        return many(len(self.violations), "violation") if self.violations else ""
+
     def add(self, outcome: Outcome) -> None:
         """Add the outcome of an episode."""
         episode = outcome.episode
@@ -288,21 +310,47 @@ def _row(violation: Violation) -> dict[str, Any]:
     }
 
 
-def _run(campaign: Campaign, engine: Engine, tally: _Tally) -> None:
-    """Run the episodes until all are done or Ctrl-C."""
+def _rows_folder(ctx: click.Context, campaign: Campaign, place: Path) -> RowsFolder:
+    """Return the folder of the rows, which is neither read nor made yet."""
+    from albot_agents.engine.rows import Manifest, RowsFolder, files_digest
+    from albot_agents.stress.rows import COLUMNS
+    from albot_core.plain_data import to_plain
+
+    plan = to_plain(campaign)
+    plan["files"] = files_digest((*campaign.worlds, *campaign.agents))
+    tasks = len(campaign.episodes())
+    manifest = Manifest(command="stress", words=words_of(ctx), plan=plan, tasks=tasks)
+    return RowsFolder(path=place, manifest=manifest, columns=COLUMNS)
+
+
+def _run(
+    campaign: Campaign, engine: Engine, tally: _Tally, rows: RowsFolder | None, resumes: bool
+) -> None:
+    """Run the episodes that the rows lack until all are done or Ctrl-C."""
     from albot_agents.stress.episodes import plan_jobs
+    from albot_agents.stress.rows import episode_key, outcome_of, row_of
     from albot_agents.stress.running import run_jobs
 
+    engine.start()
     episodes = campaign.episodes()
-    outcomes = run_jobs(plan_jobs(episodes, engine.workers), engine, campaign.checks)
+    numbers = {episode_key(episode): number for number, episode in enumerate(episodes)}
     total = len(episodes) * campaign.steps
-    try:
-        with progress("stress", total, "steps") as update, closing(outcomes):
-            for done, outcome in enumerate(outcomes, start=1):
-                tally.add(outcome)
-                update(done * campaign.steps)
-    except KeyboardInterrupt:
-        tally.stopped = True
+    with nullcontext({}) if rows is None else rows.opened(resume=resumes) as known:
+        for number, row in known.items():
+            assert rows is not None
+            tally.add(outcome_of(row, episodes[number], rows.path))
+        left = [episode for number, episode in enumerate(episodes) if number not in known]
+        outcomes = run_jobs(plan_jobs(left, engine.workers), engine, campaign.checks)
+        start = len(known) * campaign.steps
+        try:
+            with progress("stress", total, "steps", start=start) as update, closing(outcomes):
+                for done, outcome in enumerate(outcomes, start=len(known) + 1):
+                    if rows is not None:
+                        rows.add(numbers[episode_key(outcome.episode)], row_of(outcome))
+                    tally.add(outcome)
+                    update(done * campaign.steps, tally.note)
+        except KeyboardInterrupt:
+            tally.stopped = True
 
 
 def _shrink(

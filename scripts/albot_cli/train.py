@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_agents.engine.choice import LOCAL, make_engine
 from albot_cli import completion
 from albot_cli.count_type import CountType
+from albot_cli.engine_options import ADDRESS, ENGINE
 from albot_cli.outputs import JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -73,8 +75,11 @@ _FOLDER = PathType(file_okay=False)
 @click.option(
     "--jobs",
     type=CountType(1),
-    help="Runs of --seeds at a time, a process for each.  [default: 1]",
+    help="Runs of --seeds at a time, a process for each.  [default: 1; with --engine ray, one a "
+    "core]",
 )
+@ENGINE
+@ADDRESS
 @click.option(
     "--steps", type=CountType(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )
@@ -94,6 +99,8 @@ def command(
     seed: int | None,
     seeds: str | None,
     jobs: int | None,
+    engine: str,
+    address: str | None,
     steps: int | None,
     robot: str | None,
     quiet: bool,
@@ -109,7 +116,8 @@ def command(
     `albot evaluate --agent FILE`.
 
     With --seeds, --resume FOLDER continues all runs that have not come to their end. Ctrl-C stops
-    each after its update; a second one stops them at once.
+    each after its update; a second one stops them at once. With --engine ray they are tasks of a
+    cluster whose nodes share --out, and Ctrl-C stops all at once, with their last checkpoints.
     """
     if task is not None and (file := Path(task)).suffix in _SUFFIXES:
         if config is not None:
@@ -131,15 +139,25 @@ def command(
         _check_alone(config, out, seed, seeds, robot)
     if seeds is not None or _has_seeds(resume):
         found, runs = _begin_seeds(task, config, out, resume, seeds, steps, robot)
-        result = train_with_seeds(found, runs, jobs or 1, every)
+        is_local = engine == LOCAL
+        with make_engine(engine, jobs or (1 if is_local else None), address) as made:
+            result = train_with_seeds(found, runs, made, every)
         click.echo(json.dumps(result) if as_json else seeds_as_text(result))
         return STOPPED if result["stopped"] else 0
-    if jobs is not None:
-        raise InputError("--jobs", "no such option without --seeds", str(jobs))
+    _check_single(jobs, engine, address)
     folder, plan = _begin(task, config, out, resume, seed, steps, robot)
     result = _train(folder, plan, every)
     click.echo(json.dumps(result) if as_json else _as_text(result))
     return STOPPED if result["stopped"] else 0
+
+
+def _check_single(jobs: int | None, engine: str, address: str | None) -> None:
+    """Raise InputError if an option is given that several runs need."""
+    for name, given in {"--jobs": jobs, "--address": address}.items():
+        if given is not None:
+            raise InputError(name, "no such option without --seeds", str(given))
+    if engine != LOCAL:
+        raise InputError("--engine", "--seeds, whose runs are the tasks", engine)
 
 
 def _check_installed() -> None:

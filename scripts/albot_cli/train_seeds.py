@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_agents.engine.local import LocalEngine
 from albot_cli.outputs import filled_folder
 from albot_cli.progress import ProgressCallback, is_json, progress_board
 from albot_core.errors import InputError
@@ -14,20 +15,21 @@ from albot_core.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from albot_agents.engine.engine import Engine
     from albot_agents.training.plan import TrainingPlan
     from albot_agents.training.run_files import RunFolder
     from albot_agents.training.seed_folder import SeedFolder, SeedRun
 
 
 def train_with_seeds(
-    folder: SeedFolder, runs: Mapping[int, SeedRun], jobs: int, every: float
+    folder: SeedFolder, runs: Mapping[int, SeedRun], engine: Engine, every: float
 ) -> dict[str, Any]:
     """Train all runs that have not come to their end; write the curve; return the outcome.
 
     Args:
         folder: The folder of the runs.
         runs: The runs by seed.
-        jobs: Number of processes at a time.
+        engine: Where they are trained: in processes, or on a cluster.
         every: Time between two lines of a run without a terminal (s).
 
     Raises:
@@ -39,7 +41,12 @@ def train_with_seeds(
     unfinished = {seed: run for seed, run in runs.items() if not run[0].is_finished(run[1])}
     with progress_board("samples", every=every) as begin:
         reporter = _Reporter(begin, {seed: plan.n_timesteps for seed, (_, plan) in runs.items()})
-        errors, stopped = train_seeds(unfinished, jobs, reporter)
+        if isinstance(engine, LocalEngine):
+            errors, stopped = train_seeds(unfinished, engine.workers, reporter)
+        else:
+            from albot_agents.training.seed_tasks import train_on_cluster
+
+            errors, stopped = train_on_cluster(unfinished, engine, reporter)
     result = _result(folder, runs, stopped)
     for error in errors.values():
         if not isinstance(error, InputError):

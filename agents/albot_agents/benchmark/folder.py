@@ -12,7 +12,6 @@ A file is replaced as a whole, so a process that is killed leaves no half of one
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -26,7 +25,7 @@ from albot_agents.benchmark.entrant import Entrant
 from albot_agents.benchmark.protocol import LATEST, Protocol, find_protocol, task_folder
 from albot_agents.training.plan_file import plan_text
 from albot_core.errors import InputError
-from albot_core.files import is_left_over, make_folder, read_text, write_text
+from albot_core.files import is_left_over, make_folder, read_text, sole_writer, write_text
 from albot_core.json_document import parse_json, read_json
 from albot_core.plain_data import Location, read_record
 from albot_core.yaml_document import dotted
@@ -171,15 +170,7 @@ class ResultsFolder:
         Raises:
             InputError: Another process writes into it.
         """
-        with self._manifest.open("rb") as stream:
-            if sys.platform != "win32":
-                import fcntl
-
-                try:  # The lock ends with the process, however it ends.
-                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except OSError:
-                    expected = "a folder that no other process writes into"
-                    raise InputError(self.path, expected, "one that does") from None
+        with sole_writer(self._manifest, self.path):
             for left in self._left():
                 left.unlink(missing_ok=True)
             yield

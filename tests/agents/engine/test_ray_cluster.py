@@ -169,16 +169,17 @@ def test_a_cluster_of_its_own_is_closed_to_others_and_ends_with_the_command(tmp_
     before = token.exists()
     with running(words, tmp_path) as process:
         wait_until(lambda: _workers(process.pid) > 0, 240)
-        addresses = _listening(process.pid)
-        assert addresses
-        assert {address.rpartition(":")[0] for address in addresses} == {"127.0.0.1"}
-        assert all("RAY_AUTH_TOKEN=" in each for each in _environments(process.pid))
-        assert all("RAY_USAGE_STATS_ENABLED=0" in each for each in _environments(process.pid))
+        addresses, variables = _listening(process.pid), _environments(process.pid)
         os.killpg(process.pid, signal.SIGINT)
         # Two or three seconds where the machine is not busy.
         out, errors = process.communicate(timeout=60)
     assert (process.returncode, errors) == (130, b"")
     assert json.loads(out)["stopped"] is True
+    assert addresses
+    assert {address.rpartition(":")[0] for address in addresses} == {"127.0.0.1"}
+    assert len(variables) >= 2
+    for wanted in ("RAY_AUTH_TOKEN=", "RAY_AUTH_MODE=token", "RAY_USAGE_STATS_ENABLED=0"):
+        assert all(wanted in each for each in variables)
     assert is_gone(process.pid)
     assert not list(tmp_path.iterdir())
     assert token.exists() is before
@@ -206,9 +207,9 @@ def _workers(pid: int) -> int:
 
 
 def _environments(pid: int) -> list[str]:
-    """The environments of those that are Ray's."""
-    folders = [each for number, each in _family(pid).items() if number != pid]
-    rays = [each for each in folders if b"ray" in (each / "cmdline").read_bytes()]
+    """The environments of Ray's servers; its Python processes write a title over theirs."""
+    folders = _family(pid).values()
+    rays = [each for each in folders if b"/ray/core/src/ray/" in (each / "cmdline").read_bytes()]
     return [(each / "environ").read_text() for each in rays]
 
 
