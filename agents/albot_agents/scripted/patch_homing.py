@@ -19,7 +19,7 @@ from albot_core.geometry.poses import inverse, relative, transform_points
 from albot_core.geometry.types import Points, Pose
 from albot_core.planning.navigator import KnownWay
 from albot_env.tasks.core.parts.beliefs import HOME
-from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH, MapPatch
+from albot_env.tasks.core.parts.map_patch import MAP_PATCH, MapPatch
 
 
 class PatchHoming(MapHoming):
@@ -27,7 +27,8 @@ class PatchHoming(MapHoming):
 
     The way leads over cells in which it has been before or which it knows to be free. Within the
     patch it ends at home; if home is beyond it, at the oldest part of the trail that the patch
-    shows. What holds the robot up is avoided for a while. Else it drives as `map-homing`.
+    shows. It does not lead over surfaces that the laser saw lately, if the patch shows them. What
+    holds the robot up is avoided for a while. Else it drives as `map-homing`.
 
     Args:
         configs: The environment's configurations of observations and actions.
@@ -38,9 +39,15 @@ class PatchHoming(MapHoming):
 
     name: ClassVar[str] = "patch-homing"
 
-    COSTS: ClassVar[dict[str, float]] = {"trail": 1.0, "free": 2.0, "walls": 40.0}
-    """Length of a way through a cell, divided by its side: cells of the trail, free ones, and those
-    with a wall, through which a doorway may lead."""
+    COSTS: ClassVar[dict[str, float]] = {
+        "free": 2.0,
+        "walls": 40.0,
+        "trail": 1.0,
+        "obstacles": 400.0,
+    }
+    """Length of a way through a cell, divided by its side: free cells, those with a wall, through
+    which a doorway may lead, those of the trail, and those in which the laser saw a surface lately.
+    Where a cell shows several, the last counts."""
     UNKNOWN = 8.0
     """The same for cells of which nothing is known."""
     AHEAD = 1.8
@@ -59,7 +66,7 @@ class PatchHoming(MapHoming):
     def __init__(self, configs: EnvironmentConfigs) -> None:
         super().__init__(configs)
         configs.observations.require((MAP_PATCH.name,), self.name)
-        channels = configs.observations.map_patch.channels or CHANNELS
+        channels = configs.observations.map_patch.shown
         if "trail" not in channels:
             expected = "a map_patch with the channel trail"
             raise InputError(self.name, expected, ", ".join(channels))
@@ -122,9 +129,9 @@ class PatchHoming(MapHoming):
         shown = {name: square[0] > -1 for name, square in patch.channels.items()}
         cells = shown["trail"].shape
         costs = np.full(cells, self.UNKNOWN)
-        for name in ("free", "walls", "trail"):
+        for name, cost in self.COSTS.items():
             if name in shown:
-                costs[shown[name]] = self.COSTS[name]
+                costs[shown[name]] = cost
         half, cell = (cells[0] - 1) / 2, patch.sides[0] / cells[0]
         rows, columns = np.indices(cells)
         self._avoided = [(point, end) for point, end in self._avoided if end > self._steps]

@@ -181,7 +181,7 @@ def _learnt_costs(agent: AgentFile) -> dict[str, str]:
     observed = agent.observation_config
     if planner is None or observed is None:
         return {}
-    names = [name for name in CHANNELS if name in (observed.map_patch.channels or CHANNELS)]
+    names = [name for name in CHANNELS if name in observed.map_patch.shown]
     # From -1, not here, to 1, here.
     factors = np.exp(2 * agent.weights[f"{planner.part}.cost_weight"])
     shown = ", ".join(f"{name} × {factor:.2f}" for name, factor in zip(names, factors, strict=True))

@@ -34,7 +34,7 @@ LARGEST_SEED = 2**32 - 1
 _SEED = Range(f"a whole number from 0 to {LARGEST_SEED}", 0.0, float(LARGEST_SEED), whole=True)
 _HEADS = Range("a whole number from 1 to 64", 1.0, 64.0, whole=True)
 _LSTM_LAYERS = Range("a whole number from 1 to 8", 1.0, LAYERS.most, whole=True)
-_COST = Range("a number from 0.01 to 100", 0.01, 100.0)
+_COST = Range("a number from 0.001 to 1000", 0.001, 1000.0)
 _LOG_STD = Range("a number from -20 to 2", -20.0, 2.0)  # As stable-baselines3's SAC has it.
 _THREADS = Range("a whole number from 0 to 1024", 0.0, 1024.0, whole=True)
 _FROM_TWO = Range("a whole number from 2, for a standard deviation", 2.0, whole=True)

@@ -20,7 +20,7 @@ from albot_core.errors import InputError
 from albot_core.plain_data import Location
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.ground import COVERAGE
-from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH
+from albot_env.tasks.core.parts.map_patch import MAP_PATCH
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH
 from albot_env.tasks.core.parts.scales import Channels
 from albot_env.tasks.core.parts.truth import TRUE_PATCH
@@ -224,11 +224,11 @@ def _encoder_sizes(
         return {"kind": ATTENTION, "places": places, **graph}
     if policy.kind != "planner":
         return {"kind": CONVOLUTION, "filters": policy.filters}
-    shown = observation_config.map_patch
-    goal = Channels.of(shown.channels or CHANNELS).home
-    if goal < 0 or len(shown.sides) > 1:
+    patch = observation_config.map_patch
+    goal = Channels.of(patch.shown).home
+    if goal < 0 or len(patch.sides) > 1:
         expected = "mlp or cnn, or a map_patch of one square with the channel home"
-        found = f"planner, {len(shown.sides)} squares and {', '.join(shown.channels or CHANNELS)}"
+        found = f"planner, {len(patch.sides)} squares and {', '.join(patch.shown)}"
         raise where.at("kind").error(expected, found)
     largest = (shape[1] - 1) // 2
     if policy.planner_radius > largest:
@@ -236,7 +236,7 @@ def _encoder_sizes(
         raise where.at("planner_radius").error(expected, str(policy.planner_radius))
     costs = policy.planner_costs
     if costs is not None and len(costs) != shape[0]:
-        expected = f"{shape[0]} numbers, one for each of {', '.join(shown.channels or CHANNELS)}"
+        expected = f"{shape[0]} numbers, one for each of {', '.join(patch.shown)}"
         raise where.at("planner_costs").error(expected, str(len(costs)))
     return {"kind": PLANNER, "goal": goal, "radius": policy.planner_radius}
 

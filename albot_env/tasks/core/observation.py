@@ -21,7 +21,7 @@ from albot_core.ranges import FROM_ONE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation_kernels import PARTS, Layout
-from albot_env.tasks.core.parts.map_patch import CHANNELS, MAP_PATCH, MapPatchConfig
+from albot_env.tasks.core.parts.map_patch import MAP_PATCH, MapPatchConfig
 from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.part import Decoded, Need, ObservationPart, Sizes
 from albot_env.tasks.core.parts.place_graph import PLACE_GRAPH, PlaceGraphConfig
@@ -182,7 +182,7 @@ class ObservationConfig:
             sonars=0 if self.sonar is None else len(self.sonar.bearings),
             compasses=int(self.has_compass),
             patch=self.coverage.patch_cells,
-            map_layers=len(self.map_patch.sides) * len(self.map_patch.channels or CHANNELS),
+            map_layers=len(self.map_patch.sides) * len(self.map_patch.shown),
             map_cells=self.map_patch.cells,
             graph_rows=self.place_graph.places + self.place_graph.connections,
             matches=self.matches,
@@ -263,7 +263,7 @@ class ObservationConfig:
             patches=PatchScales(
                 sides=np.array(self.map_patch.sides, np.float64),
                 cells=self.map_patch.cells,
-                channels=Channels.of(self.map_patch.channels or CHANNELS),
+                channels=Channels.of(self.map_patch.shown),
             ),
             graph=GraphScales(**asdict(self.place_graph)),
             matches=self.matches,

@@ -23,6 +23,12 @@ from albot_env.tasks.core.coverage_kernels import CoverageGrid
 from albot_env.tasks.core.map_arrays import MapArrays, MapReader, MapSource
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import observe_robots
+from albot_env.tasks.core.obstacle_kernels import (
+    ObstacleMemory,
+    empty_obstacles,
+    forget_obstacles,
+    recall_obstacles,
+)
 from albot_env.tasks.core.parts.matches import MATCHES
 from albot_env.tasks.core.parts.part import Need
 from albot_env.tasks.core.parts.truth import TrueMaps
@@ -35,6 +41,8 @@ from albot_maps import World
 
 _KEPT_OF_OCCUPANCY = ("ages", "moved", "beliefs", "shortcuts", "onwards")
 """The arrays of `OccupancyGrids` in a state, besides the grid itself."""
+_KEPT_OF_OBSTACLES = ("poses", "travelled", "moved")
+"""The arrays of `ObstacleMemory` in a state, besides the points themselves."""
 
 
 class _WorldFacts(NamedTuple):
@@ -105,6 +113,11 @@ class ObservationBuilder:
             reads_maps=reads_maps,
             matches=config.matches if config.observes(MATCHES) else 0,
         )
+        patch = config.map_patch
+        shows_patch = self._has_map or config.needs(Need.TRUTH)
+        remembers = shows_patch and "obstacles" in patch.shown
+        length = patch.obstacle_memory if remembers else 0.0
+        self._obstacles = empty_obstacles(robots, length, patch.obstacle_range)
         self._true_maps = TrueMaps(robots) if config.needs(Need.TRUTH) else None
         self._truth = MapReader(
             robots, self._true_maps, config.map_patch.trail, reads_maps=self._true_maps is not None
@@ -159,6 +172,7 @@ class ObservationBuilder:
             self._occupancy = with_occupancy(self._occupancy, row, side)
         self._maps.begin(row, map_extent(world))
         self._truth.begin(row, map_extent(world))
+        forget_obstacles(self._obstacles, row)
         if self._true_maps is not None:
             self._true_maps.begin(row, world)
         progress = self.progress
@@ -190,7 +204,8 @@ class ObservationBuilder:
         """Give a robot, after `begin`, the ground covered and rooms entered of a snapshot.
 
         The snapshot must be from the same world, and must hold the ground believed covered if this
-        robot needs it. The occupancy grid is not restored: it begins empty.
+        robot needs it. The occupancy grid and the obstacles seen lately are not restored: they
+        begin empty.
         """
         words_of(self._covered, row)[:] = snapshot.covered
         if self._has_ground:
@@ -219,6 +234,18 @@ class ObservationBuilder:
             "occupancy.grids": occupancy.grids[row, :cells].copy(),
             **self._maps.state(row),
             "truth.trail": self._truth.trail(row),
+            **self._obstacle_state(row),
+        }
+
+    def _obstacle_state(self, row: int) -> Arrays:
+        """Return what a robot remembers of obstacles; nothing if that is not observed."""
+        memory = self._obstacles
+        if not memory.side:
+            return {}
+        points = memory.points[row, : memory.counts[row]].copy()
+        return {
+            **copied_rows("obstacles", memory, row, _KEPT_OF_OBSTACLES),
+            "obstacles.points": points,
         }
 
     def set_state(self, row: int, state: Arrays) -> None:
@@ -233,6 +260,9 @@ class ObservationBuilder:
         put_rows("occupancy", self._occupancy, row, state)
         self._maps.set_state(row, state)
         self._truth.set_trail(row, state["truth.trail"], 0)
+        if self._obstacles.side:
+            put_rows("obstacles", self._obstacles, row, state)
+            recall_obstacles(self._obstacles, row, state["obstacles.points"])
 
     def _room_count(self, row: int) -> int:
         first, last = self._rooms.worlds[row].tolist()
@@ -270,7 +300,8 @@ class ObservationBuilder:
         if self._true_maps is not None:
             self._truth.update(rows, state.poses)
         maps = self._maps.arrays, self._truth.arrays
-        changing = self._covered, self._believed, self._rooms, state, self._occupancy, *maps
+        seen = self._occupancy, *maps, self._obstacles
+        changing = self._covered, self._believed, self._rooms, state, *seen
         arguments = self._arguments.arguments(*changing)
         observe_robots(rows, arguments, observations)
 
@@ -283,8 +314,9 @@ class ObservationBuilder:
         occupancy: OccupancyGrids,
         maps: MapArrays,
         truth: MapArrays,
+        obstacles: ObstacleMemory,
     ) -> tuple[Any, ...]:
         """Return the arguments of `observe_robots`."""
         scales = self._scales, self._layout
-        ways = *self._searching, occupancy, maps, truth
+        ways = *self._searching, occupancy, maps, truth, obstacles
         return self._sensor, covered, believed, rooms, *scales, state, self.progress, *ways

@@ -20,6 +20,7 @@ from albot_env.tasks.core.coverage_kernels import (
     accumulate_motion,
     cover,
 )
+from albot_env.tasks.core.obstacle_kernels import remember_obstacles
 from albot_env.tasks.core.parts.beliefs import (
     CONFIDENCE,
     EXIT_HOME,
@@ -88,10 +89,10 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
 
     `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, the one believed covered,
     `Rooms`, `Scales`, `Layout`, `BatchState`, `ExplorationProgress`, `OccupancyParams`,
-    `SearchParams`, `OccupancyGrids`, `MapArrays`, and those of the truth.
+    `SearchParams`, `OccupancyGrids`, `MapArrays`, those of the truth, and `ObstacleMemory`.
     """
-    sensor, covered, believed, _, scales, _, state, _, _, search, occupancy, maps, truth = unpack(
-        arguments
+    sensor, covered, believed, _, scales, _, state, _, _, search, occupancy, maps, truth, seen = (
+        unpack(arguments)
     )
     # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
     nearest = np.empty(scales.sectors)
@@ -102,11 +103,11 @@ def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: n
         rows=np.empty(maps.places.rows.shape[1], np.int64),
     )
     sources = Sources(
-        scales, state, sensor, believed, search, occupancy, nearest, frontier, maps, graph
+        scales, state, sensor, believed, search, occupancy, nearest, frontier, maps, graph, seen
     )
     true = true_state(state)
     truths = Sources(
-        scales, true, sensor, covered, search, occupancy, nearest, frontier, truth, graph
+        scales, true, sensor, covered, search, occupancy, nearest, frontier, truth, graph, seen
     )
     _observe_robots(rows, arguments, sources, truths, observations)
 
@@ -120,8 +121,8 @@ def _observe_robots(
     observations: np.ndarray,
 ) -> None:
     """Run `observe_robots` with what the parts are computed from, as believed and in truth."""
-    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _, _, _ = unpack(
-        arguments
+    sensor, covered, believed, rooms, scales, layout, state, progress, params, _, _, _, _, seen = (
+        unpack(arguments)
     )
     for i in rows:
         belief = state.beliefs[i]
@@ -131,6 +132,8 @@ def _observe_robots(
             cover(believed, i, belief, turn, sensor, state.ranges[i])
             _cover_truly(i, covered, sensor, state, progress)
         _enter_room(i, rooms, state, progress)
+        if seen.side:
+            remember_obstacles(seen, i, sensor, state.motions[i], state.ranges[i])
         locate_home(belief, turn, state.homes_in_map[i], state.homes_in_robot[i])
         _fill_sensed(i, layout, sources, observations[i])
         _fill_believed(i, layout, sources, observations[i])

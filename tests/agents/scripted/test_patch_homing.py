@@ -61,3 +61,24 @@ def test_it_needs_the_patch_and_its_trail() -> None:
     )
     with pytest.raises(InputError, match=r"with the channel trail, found walls, home"):
         PatchHoming(EnvironmentConfigs(shown, ActionConfig()))
+
+
+def test_its_way_leads_round_what_the_laser_saw_lately() -> None:
+    shown = ObservationConfig(
+        parts=(*DEFAULT_PARTS, "map_patch"),
+        map_patch=MapPatchConfig(sides=(8.0,), cells=16, channels=("trail", "home", "obstacles")),
+    )
+    agent = PatchHoming(EnvironmentConfigs(shown, ActionConfig()))
+    agent.reset(np.random.default_rng(0), ActionConfig().space)
+    patch = np.full((3, 16, 16), -1.0, np.float32)
+    patch[0, :9, 8] = 1.0  # The trail leads straight ahead, to home.
+    patch[1, 1, 8] = 1.0
+    observation = {"map_patch": patch, "home": np.array([1.0, 0.0, -1.0 / 3], np.float32)}
+    known = agent._search(observation, np.zeros(3))
+    assert known is not None
+    assert known.ahead[1] == pytest.approx(-0.25)
+    patch[2, 5, 4:] = 1.0  # Something stands across it, from the left to the edge of the patch.
+    led_round = agent._search(observation, np.zeros(3))
+    assert led_round is not None
+    assert led_round.length > known.length + 1.0
+    assert led_round.ahead[1] > 1.0, "to the left"

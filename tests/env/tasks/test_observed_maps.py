@@ -46,7 +46,8 @@ def config_for(mapper: str) -> ExploreConfig:
     has_graph = spec is not None and "place_graph" in spec.layers
     has_matches = spec is not None and spec.has_matches
     parts = STROLL.parts + ("place_graph",) * has_graph + ("matches",) * has_matches
-    return ExploreConfig(observations=replace(STROLL, parts=parts))
+    patch = replace(PATCH, channels=channels_of(spec))
+    return ExploreConfig(observations=replace(STROLL, parts=parts, map_patch=patch))
 
 
 @pytest.mark.parametrize("mapper", MAPPERS)
@@ -73,7 +74,7 @@ def test_every_mapper_gives_its_channels_alone_as_in_a_batch(two_rooms: World, m
     for name, squares in decoded.channels.items():
         if name == "home":
             assert (squares == 1).sum(axis=(1, 2)).tolist() == [1, 1]
-        if name in ("walls", "free", "trail"):
+        if name in ("walls", "free", "trail", "obstacles"):
             assert (squares > -1).any(axis=(1, 2)).all(), name
     assert decoded.channels["trail"][:, 7:9, 7:9].max() > 0.99
     batch.close()

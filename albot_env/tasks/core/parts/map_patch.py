@@ -13,14 +13,18 @@ from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import MapperSpec
-from albot_core.ranges import FROM_TWO, POSITIVE, check_fields
+from albot_core.ranges import FROM_TWO, POSITIVE, Range, check_fields
 from albot_env.tasks.core.coverage_kernels import cut_patch
 from albot_env.tasks.core.map_arrays import RaggedRows, TrailConfig
+from albot_env.tasks.core.obstacle_kernels import ObstacleMemory, X, Y
 from albot_env.tasks.core.parts.part import Need, ObservationPart, Sources
 from albot_env.tasks.core.parts.scales import Channels, Scales
 
 CHANNELS = Channels._fields
 """All channels, in their order in a patch."""
+ON_REQUEST = ("obstacles",)
+"""Channels that are shown only if they are named."""
+_NEAR_BY = Range("a length above 0, at most 50 (m)", 0.0, 50.0, beyond=True)
 _JUMP = 2.0
 """Points of a trail that are farther apart than this, along both axes together (m), are not
 joined."""
@@ -39,7 +43,8 @@ class MapPatchConfig:
     cells: int = 32
     """Number of cells along each side."""
     channels: tuple[str, ...] | None = None
-    """Names of the channels, of `CHANNELS`, in any order; None for all that the mapper can give:
+    """Names of the channels, of `CHANNELS`, in any order; None for all that the mapper can give,
+    but `obstacles`:
 
     - `walls`: line segments, or occupied cells of an occupancy grid,
     - `free`: ground known to be free: of an occupancy grid, or else seen from within
@@ -49,17 +54,25 @@ class MapPatchConfig:
       back,
     - `exits`: the lines across doorways of the place graph,
     - `home`: where home is believed; beyond the patch, at its edge in that direction,
-    - `places`: the nodes of the place graph.
+    - `places`: the nodes of the place graph,
+    - `obstacles`: where the laser saw surfaces during the last `obstacle_memory` metres, by
+      odometry, and no beam has passed since; so a door that is shut, though the map knows it open,
+      is known to be shut after the robot has turned away. It begins empty with each episode.
 
     1 is "here", -1 "not here or unknown"."""
     trail_spacing: float = 0.5
     """Distance between positions of the trail (m)."""
     trail_length: float = 200.0
     """Length of the trail that is remembered (m)."""
+    obstacle_memory: float = 15.0
+    """Distance that the robot travels until `obstacles` forgets a surface (m)."""
+    obstacle_range: float = 5.0
+    """Distance from the laser up to which `obstacles` marks surfaces and clears them (m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, FROM_TWO, "cells")
         check_fields(self, POSITIVE, "trail_spacing", "trail_length")
+        check_fields(self, _NEAR_BY, "obstacle_memory", "obstacle_range")
         sides: object = self.sides
         if not (
             isinstance(sides, tuple | list) and sides and all(side in POSITIVE for side in sides)
@@ -68,7 +81,7 @@ class MapPatchConfig:
         if self.trail_spacing > self.trail_length:
             expected = f"at most trail_length, {self.trail_length:g}"
             raise InputError("MapPatchConfig.trail_spacing", expected, f"{self.trail_spacing:g}")
-        chosen: object = CHANNELS if self.channels is None else self.channels
+        chosen: object = self.shown
         if not isinstance(chosen, tuple | list):
             expected = f"some of {', '.join(CHANNELS)}, or None"
             raise InputError("MapPatchConfig.channels", expected, repr(chosen))
@@ -88,13 +101,20 @@ class MapPatchConfig:
         """
         given = channels_of(spec)
         if self.channels is None:
-            return given
+            return tuple(name for name in given if name not in ON_REQUEST)
         for name in self.channels:
             if name not in given:
                 mapper = "none" if spec is None else spec.name
                 expected = f"some of {', '.join(given)}, which the mapper {mapper} can give"
                 raise InputError("MapPatchConfig.channels", expected, name)
         return tuple(name for name in CHANNELS if name in self.channels)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The channels that are shown if the mapper can give them."""
+        if self.channels is not None:
+            return self.channels
+        return tuple(name for name in CHANNELS if name not in ON_REQUEST)
 
     @property
     def trail(self) -> TrailConfig:
@@ -141,7 +161,8 @@ MAP_PATCH = ObservationPart(
     meaning=(
         "on request: what the mapper remembers around the robot, its heading up, in squares of "
         "16 m and 64 m, one channel each for walls, free ground, its own trail by age, exits, "
-        "home and places, as far as the mapper can give them (`MapPatchConfig`)"
+        "home and places, as far as the mapper can give them; if named, one for the obstacles "
+        "that the laser saw lately (`MapPatchConfig`)"
     ),
     shape=lambda sizes: (sizes.map_layers, sizes.map_cells, sizes.map_cells),
     needs=frozenset((Need.GROUND, Need.MAP)),
@@ -201,6 +222,18 @@ def _show_layers(i: int, sources: Sources, view: _View, square: np.ndarray) -> N
         for place in range(maps.places.counts[i]):
             x, y = maps.places.rows[i, place, 0], maps.places.rows[i, place, 1]
             _draw_point(x, y, 1.0, view, patch)
+    if channels.obstacles >= 0:
+        _draw_obstacles(i, sources.obstacles, view, square[channels.obstacles * area :])
+
+
+@kernel()
+def _draw_obstacles(i: int, memory: ObstacleMemory, view: _View, patch: np.ndarray) -> None:
+    """Show the surfaces that robot i saw lately, as seen from where its odometer is now."""
+    pose, points = memory.poses[i], memory.points[i]
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    here = _View(pose[0], pose[1], cos, sin, view.cell, view.cells)
+    for k in range(memory.counts[i]):
+        _draw_point(points[k, X], points[k, Y], 1.0, here, patch)
 
 
 @kernel()

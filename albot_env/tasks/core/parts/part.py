@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from albot_env.tasks.core.coverage_kernels import CoverageGrid, CoverageSensor
 from albot_env.tasks.core.map_arrays import MapArrays
+from albot_env.tasks.core.obstacle_kernels import ObstacleMemory
 from albot_env.tasks.core.parts.scales import Scales
 from albot_env.tasks.core.state import BatchState
 from albot_env.tasks.core.wayfinding_kernels import OccupancyGrids, SearchParams
@@ -80,6 +81,8 @@ class Sources(NamedTuple):
     maps: MapArrays
     """What the mappers remember."""
     graph: GraphScratch
+    obstacles: ObstacleMemory
+    """The surfaces that they saw lately."""
 
 
 @dataclass(frozen=True, kw_only=True)

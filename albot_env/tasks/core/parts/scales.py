@@ -31,6 +31,7 @@ class Channels(NamedTuple):
     exits: int
     home: int
     places: int
+    obstacles: int
 
     @classmethod
     def of(cls, names: tuple[str, ...]) -> Channels:
