@@ -186,8 +186,8 @@ def command(
     agents = _agents(task, agent, against)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
-    given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps, "faults": faults}
-    given["saved_map"] = saved_map
+    given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps}
+    given |= {"faults": faults, "saved_map": saved_map}
     settings |= {name: value for name, value in given.items() if value is not None}
     settings |= _task_settings(task, config, outward)
     place = None if minari is None else _dataset_place(minari, force)
@@ -213,24 +213,22 @@ def command(
         )
     outcomes = found.outcomes
     facts: dict[str, Any] = {"task": task, "agent": agent}
-    facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer, "faults": faults}
-    facts["saved_map"] = saved_map
-    facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
+    facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
+    facts |= {"faults": faults, "saved_map": saved_map}
+    facts |= {"mapper_config": None if mapper_config is None else str(mapper_config)}
     facts |= {"config": None if config is None else str(config), "untrained": untrained}
-    facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
+    facts |= {"fingerprint": None if entry.file is None else entry.file.fingerprint}
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
-    facts["against"] = against and _against(against, *chosen[against], outcomes)
+    facts |= {"against": against and _against(against, *chosen[against], outcomes)}
     facts |= {"seconds": time.perf_counter() - began, "stopped": found.stopped}
-    facts["failed"] = [each.facts for each in found.failed]
-    facts["rows"] = None if kept is None else str(kept)
+    facts |= {"failed": [each.facts for each in found.failed], "rows": kept and str(kept)}
     facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
     if place is not None and dataset.size["episodes"]:
         facts["files"]["minari"] = place.load
         facts["minari"] = {**place.facts, **dataset.size}
     files = {"--mapper-config": mapper_config, "--config": config}
     _write(facts, outcomes, out, figure, files)
-    lines = [each.text for each in found.failed]
-    lines += continued(ctx, kept) if found.stopped else []
+    lines = [*(each.text for each in found.failed), *(continued(ctx, kept) if found.stopped else [])]
     click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
     return STOPPED if found.stopped else int(bool(found.failed))
 
