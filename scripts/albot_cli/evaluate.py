@@ -204,8 +204,7 @@ def command(
     rows_folder = None if kept is None else _rows_folder(ctx, kept, trials, record, minari)
     if place is not None:
         trials[agent] = [replace(trial, keeps_transitions=True) for trial in trials[agent]]
-    its, untrained = chosen[agent]
-    began = time.perf_counter()
+    (its, untrained), began = chosen[agent], time.perf_counter()
     folder = new_folder(record) if record is not None else nullcontext()
     with folder, open_dataset(place, force=force) as dataset:
         found = run_trials(
@@ -228,7 +227,8 @@ def command(
         facts["minari"] = {**place.facts, **dataset.size}
     files = {"--mapper-config": mapper_config, "--config": config}
     _write(facts, outcomes, out, figure, files)
-    lines = [*(each.text for each in found.failed), *(continued(ctx, kept) if found.stopped else [])]
+    more = continued(ctx, kept) if found.stopped else []
+    lines = [*(each.text for each in found.failed), *more]
     click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
     return STOPPED if found.stopped else int(bool(found.failed))
 
