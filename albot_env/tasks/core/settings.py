@@ -301,7 +301,7 @@ def equip(
         sensors=sensors,
         movables=movables,
         reveal=bool(reveal),
-        faults=choose_faults(faults, sensors, environment, movables=bool(movables)),
+        faults=choose_faults(faults, sensors.available, environment, movables=bool(movables)),
         threads=threads,
     )
 
