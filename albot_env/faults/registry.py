@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from albot_core.sensing.faults.fault import Fault
@@ -12,6 +12,7 @@ from albot_core.sensing.faults.registry import (
     parse_faults,
     spec_of,
 )
+from albot_core.sensing.reading import Sensor
 from albot_env.faults.world_faults import (
     DoorShut,
     FurnitureMoved,
@@ -20,7 +21,6 @@ from albot_env.faults.world_faults import (
     Turned,
     WorldFault,
 )
-from albot_env.sim.sensors import Sensors
 
 WORLD_FAULTS: Mapping[str, type[WorldFault]] = {
     each.name: each for each in (Kidnap, Turned, DoorShut, FurnitureMoved, PersonInExit)
@@ -40,13 +40,13 @@ def faults_text(specs: Any) -> str:
 
 
 def choose_faults(
-    specs: Any, sensors: Sensors, environment: str, *, movables: bool
+    specs: Any, sensors: Collection[Sensor], environment: str, *, movables: bool
 ) -> tuple[Fault, ...]:
     """Return the faults of an environment's setting, checked against the robot's sensors.
 
     Args:
         specs: The setting.
-        sensors: The robot's sensors.
+        sensors: The sensors that the robot carries besides the odometer.
         environment: Id of the environment, for errors.
         movables: Whether doors, boxes and people are simulated.
 
@@ -55,6 +55,6 @@ def choose_faults(
             the robot lacks, or something that can be moved.
     """
     faults = parse_faults(specs, FAULTS, f"{environment}, faults")
-    there = {*sensors.available, "contact", "world"} | ({"movables"} if movables else set())
+    there = {*sensors, "contact", "world"} | ({"movables"} if movables else set())
     check_needs(faults, there, "the robot", f"{environment}, faults")
     return faults

@@ -89,10 +89,11 @@ class _Robot:
 
     def world(self) -> World:
         """Make the world at present."""
-        world: World | None = self.base
+        world = self.base
         if self.walls is not None:
-            world = with_walls(self.base, self.walls, self.base.glass)
-            assert world is not None, "it was valid when it was changed"
+            changed = with_walls(self.base, self.walls, self.base.glass)
+            assert changed is not None, "it was valid when it was changed"
+            world = changed
         made = with_boxes(world, [box for box in self.boxes if box is not None])
         assert made is not None, "they had room when they came"
         return made
@@ -133,7 +134,7 @@ class FaultyWorlds:
         robot = self._of(row)
         if robot.walls is None:
             return np.empty((0, 4))
-        return robot.walls[(robot.walls != robot.base.walls).any(axis=1)]
+        return np.asarray(robot.walls[(robot.walls != robot.base.walls).any(axis=1)])
 
     def active(self, row: int) -> tuple[str, ...]:
         """Return the names of the faults that struck a robot in the last step, or are under way."""

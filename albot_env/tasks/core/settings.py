@@ -332,7 +332,7 @@ def equip(
         sensors=sensors,
         movables=movables,
         reveal=bool(reveal),
-        faults=choose_faults(faults, sensors, environment, movables=bool(movables)),
+        faults=choose_faults(faults, sensors.available, environment, movables=bool(movables)),
         saved_map=None if saved_map is None else str(saved_map),
         map_digest=digest,
         extend_map=bool(extend_map),
