@@ -45,7 +45,7 @@ def test_a_file_with_everything(tmp_path: Path):
     episodes = campaign.episodes()
     assert len(episodes) == 2 * 2 * 2 * 2 * 2 * 2
     assert len(set(map(repr, episodes))) == len(episodes)
-    assert campaign.checks == Checks(beams=1, maps_every=2, beliefs=0.5, replays=0)
+    assert campaign.checks == Checks(beams=1.0, maps_every=2, beliefs=0.5, replays=0.0)
     assert campaign.mappers[0] == MapperChoice("none")
     assert campaign.mappers[1].config.capacity == 7
     last = episodes[-1]
