@@ -2,7 +2,8 @@
 
 A gateway lies on the Voronoi skeleton where the distance to the nearest wall has a local minimum,
 and runs from wall to wall (Beeson et al. 2010, section 5; Hossain 2014, section 2.3.3). In a
-corridor the distance does not change, so its gateway lies where the corridor begins, seen from the junction.
+corridor the distance does not change, so its gateway lies where the corridor begins, seen from the
+junction.
 """
 
 from __future__ import annotations
