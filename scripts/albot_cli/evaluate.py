@@ -228,7 +228,10 @@ def command(
         facts["minari"] = {**place.facts, **dataset.size}
     files = {"--mapper-config": mapper_config, "--config": config}
     _write(facts, outcomes, out, figure, files)
-    lines = [*(each.text for each in found.failed), *(continued(ctx, kept) if found.stopped else [])]
+    lines = [
+        *(each.text for each in found.failed),
+        *(continued(ctx, kept) if found.stopped else []),
+    ]
     click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
     return STOPPED if found.stopped else int(bool(found.failed))
 
