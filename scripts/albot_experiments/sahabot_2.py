@@ -14,7 +14,7 @@ from albot_core.drawing.palette import BELIEVED, HOME, WALL
 from albot_core.evaluation.intervals import bootstrap
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Points
-from albot_core.mappers.sahabot.config import LandmarkConfig
+from albot_core.mappers.sahabot.config import SectorConfig
 from albot_core.mappers.sahabot.landmarks import (
     Homing,
     Sectors,
@@ -145,7 +145,7 @@ class _Eye:
         shown = heading + float(self._rng.normal(0.0, deviation)) if has_compass else 0.0
         panorama = np.full(DIRECTIONS, UNSEEN)
         look(panorama, shown, beams_of(self._laser.geometry), ranges)
-        return find_landmarks(panorama, LandmarkConfig())
+        return find_landmarks(panorama, SectorConfig())
 
 
 def report(found: Sequence[Mapping[int, Mapping[str, HomeVectors]]], seeds: range) -> Report:

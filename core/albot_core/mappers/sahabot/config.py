@@ -23,7 +23,7 @@ def _check_choice(config: object, name: str, choices: tuple[str, ...]) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LandmarkConfig:
+class SectorConfig:
     """What counts as a landmark in a laser's panorama. The camera's threshold is replaced: ours.
 
     A landmark is a sector of the panorama without a jump of the range, at both ends of which it
@@ -62,7 +62,7 @@ class SahabotConfig:
     visual: str = "alv"
     """How landmarks tell the direction of the nest: `alv`, the average landmark vector, or
     `snapshot`, the sectors of the snapshot matched one by one (Cartwright and Collett 1983)."""
-    landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
+    landmarks: SectorConfig = field(default_factory=SectorConfig)
     """What counts as a landmark."""
     near: float = 3.0
     """Length of the home vector (m) below which landmarks tell the way."""

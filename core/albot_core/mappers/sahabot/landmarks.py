@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float64
 
 from albot_core.geometry.types import Points, Segments
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.sahabot.config import LandmarkConfig
+from albot_core.mappers.sahabot.config import SectorConfig
 
 Panorama = Float64[np.ndarray, "directions"]
 Sectors = Float64[np.ndarray, "_ 3"]
@@ -24,7 +24,7 @@ _RADIAL = 1.0 / 3.0
 and Collett, Landmark learning in bees (1983)."""
 
 
-def find_landmarks(panorama: Panorama, config: LandmarkConfig) -> Sectors:
+def find_landmarks(panorama: Panorama, config: SectorConfig) -> Sectors:
     """Return the landmarks in a panorama, counter-clockwise.
 
     Args:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_core.mappers.sahabot.config import LandmarkConfig
+from albot_core.mappers.sahabot.config import SectorConfig
 from albot_core.mappers.sahabot.landmarks import (
     average_landmark_vector,
     find_landmarks,
@@ -21,7 +21,7 @@ from albot_core.mappers.sahabot.landmarks import (
 from albot_core.mappers.sahabot.panorama import DIRECTIONS, UNSEEN, beams_of, carry_along, look
 from albot_core.sensing.reading import LaserGeometry
 
-CONFIG = LandmarkConfig()
+CONFIG = SectorConfig()
 OPEN = np.full(DIRECTIONS, np.inf)
 SQUARE = np.array(((4.0, 4.0), (-4.0, 4.0), (-4.0, -4.0), (4.0, -4.0)))
 
