@@ -170,7 +170,7 @@ def seen_by_both(
     count = len(looked)
     safe = np.all([np.roll(looked, shift) for shift in range(-spare, spare + 1)], axis=0)
     at = np.round(landmarks[:, 0] / (2 * np.pi) * count).astype(int) % count
-    return landmarks[safe[at]]
+    return np.asarray(landmarks[safe[at]])
 
 
 def landmark_chords(landmarks: Sectors) -> Segments:
