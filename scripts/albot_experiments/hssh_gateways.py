@@ -12,7 +12,6 @@ from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
-from albot_core.geometry.types import Points
 from albot_core.mappers.hssh.gateways import FREE, WALL, GatewayConfig, Ground, find_gateways
 from albot_experiments.registry import data_folder
 from albot_experiments.report import Figures, Report, each_seed
@@ -78,7 +77,9 @@ def compare(plan: World, turn: float, config: GatewayConfig | None = None) -> Fo
     )
 
 
-def _distances(some: Points, others: Points) -> Float64[np.ndarray, "some others"]:
+def _distances(
+    some: Float64[np.ndarray, "some 2"], others: Float64[np.ndarray, "others 2"]
+) -> Float64[np.ndarray, "some others"]:
     return np.asarray(np.hypot(*(some[:, None] - others).transpose(2, 0, 1)))
 
 

@@ -380,7 +380,9 @@ class Region:
         return leads_on and self.is_narrow(config)
 
 
-def region_around(ground: Ground, narrows: Narrows, robot: Points) -> Region | None:
+def region_around(
+    ground: Ground, narrows: Narrows, robot: Float64[np.ndarray, "2"]
+) -> Region | None:
     """Return the region in which the robot is; None if it stands in a gateway or on unknown ground.
 
     Args:

@@ -62,7 +62,9 @@ class Alignment(NamedTuple):
     """Share of the points on walls that are found again: of the map that finds fewer."""
 
 
-def surface_of(ground: Ground, middle: Points, reach: float, most: int) -> Points:
+def surface_of(
+    ground: Ground, middle: Float64[np.ndarray, "2"], reach: float, most: int
+) -> Float64[np.ndarray, "points 2"]:
     """Return points on the walls around a place, evenly chosen (m).
 
     Args:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Points
 from albot_core.mappers.hssh.map_tree import OPEN, Gateway
 
 
@@ -25,7 +24,7 @@ class Routes(NamedTuple):
 def routes_home(
     travelled: Sequence[tuple[Gateway, Gateway]],
     middles: Sequence[Float64[np.ndarray, "gateways 2"]],
-    home: Points,
+    home: Float64[np.ndarray, "2"],
 ) -> Routes:
     """Return the shortest ways home (Dijkstra, 1959).
 

@@ -91,7 +91,7 @@ def test_one_room_only():
 
 
 def test_a_floor_without_walls():
-    mapper = led([*TURN, *DRIVE * 8], np.empty((0, 4)))
+    mapper = led([*TURN, *DRIVE * 8], np.array([(100.0, 100.0, 101.0, 100.0)]))
     assert np.isfinite(mapper.estimate.pose).all()
     assert not mapper.estimate.localised
     assert mapper.visits.star(0) == Star()
