@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -72,6 +73,44 @@ def is_gone(session: int) -> bool:
     except ProcessLookupError:
         return True
     return False
+
+
+def family(pid: int) -> dict[int, Path]:
+    """The folders in /proc of a process and of all that descend from it, by number."""
+    parents = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            parents[int(folder.name)] = int(fields[1])
+        except OSError:  # It has ended.
+            continue
+    family = {pid}
+    for _ in range(4):
+        family |= {each for each, parent in parents.items() if parent in family}
+    return {each: Path("/proc", str(each)) for each in family}
+
+
+def listening(pid: int) -> set[str]:
+    """The addresses on which they listen."""
+    sockets = set()
+    for folder in family(pid).values():
+        for file in (folder / "fd").glob("*"):
+            try:
+                sockets.add(str(file.readlink()))
+            except OSError:
+                continue
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path("/proc/net", table).read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A" and f"socket:[{fields[9]}]" in sockets:
+                host, port = fields[1].split(":")
+                packed = bytes.fromhex(host)
+                words = [packed[k : k + 4][::-1] for k in range(0, len(packed), 4)]
+                kind = socket.AF_INET if table == "tcp" else socket.AF_INET6
+                name = socket.inet_ntop(kind, b"".join(words)).removeprefix("::ffff:")
+                found.add(f"{name}:{int(port, 16)}")
+    return found
 
 
 def _hear_signals() -> None:

@@ -26,7 +26,10 @@ from albot_agents.benchmark.page import Report, render_page
 from albot_agents.benchmark.protocol import find_protocol
 from albot_agents.benchmark.rows_file import Results, read_results, write_rows
 from albot_agents.benchmark.times import read_times
+from albot_agents.engine.rows import TAIL, Manifest, RowsFolder, parts, read_rows
 from albot_agents.registry import find_agent
+from albot_agents.stress.episodes import Episode
+from albot_agents.stress.rows import COLUMNS, outcome_of
 from albot_agents.task import config_kind
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import read_evaluation, write_card
@@ -300,7 +303,7 @@ def _read_results(folder: Path) -> None:
     render_page(Report.of(ResultsFolder(results)))
 
 
-def _write_rows(folder: Path) -> None:
+def _write_rows_of_results(folder: Path) -> None:
     found = made_up(_CELL, 2)
     record = AgentRecord(facts=_FACTS, plan="task: homing")
     results = Results(
@@ -311,7 +314,7 @@ def _write_rows(folder: Path) -> None:
     (folder / "rows.jsonl").write_bytes(gzip.decompress(packed.read_bytes()))
 
 
-def _read_rows(folder: Path) -> None:
+def _read_rows_of_results(folder: Path) -> None:
     out = ResultsFolder(folder / "results")
     shutil.rmtree(out.path, ignore_errors=True)
     for name in ("rows.jsonl.gz", "rows.jsonl"):
@@ -372,6 +375,43 @@ def _read_demonstrations(path: Path) -> None:
     assert said.shape == made.returns(0.9)[1].shape
 
 
+def _write_rows(folder: Path) -> None:
+    """Write rows as they are while a run goes on."""
+    _write_parts(folder)
+    rows = list(read_rows(folder, COLUMNS))
+    for part in parts(folder):
+        part.unlink()
+    (folder / TAIL).write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+def _write_parts(folder: Path) -> None:
+    """Write rows as they are at the end."""
+    row = dict.fromkeys(COLUMNS) | {"world": "office", "seed": 3, "steps": 9}
+    with _rows_folder(folder).opened(resume=False):
+        pass
+    rows = _rows_folder(folder)
+    with rows.opened(resume=True):
+        for number in range(3):
+            rows.add(number, row | {"violations": [[number, "walls", "is in a wall"]]})
+
+
+def _rows_folder(folder: Path) -> RowsFolder:
+    manifest = Manifest(command="stress", words=["--seed", "1"], plan={"seed": 1}, tasks=3)
+    return RowsFolder(path=folder, manifest=manifest, columns=COLUMNS)
+
+
+def _read_rows(folder: Path) -> None:
+    """Go on with the run."""
+    Manifest.read(folder, "stress")
+    with _rows_folder(folder).opened(resume=True) as known:
+        for row in known.values():
+            episode = Episode(
+                world="office", agent="", mapper="", seed=3, steps=9, odometer=None, faults=None
+            )
+            episode = replace(episode, **{n: row[n] for n in ("agent", "mapper")})
+            assert outcome_of(row, episode, folder).steps == row["steps"]
+
+
 READERS: tuple[Reader, ...] = (
     *_log_readers(),
     *_world_readers(),
@@ -397,11 +437,20 @@ READERS: tuple[Reader, ...] = (
         write=_write_results,
         read=_read_results,
     ),
+    *(
+        Reader(
+            name=f"rows, {name}",
+            functions=(Manifest.read, read_rows),
+            write=write,
+            read=_read_rows,
+        )
+        for name, write in (("lines", _write_rows), ("Parquet", _write_parts))
+    ),
     Reader(
         name="rows of results",
         functions=(read_results,),
-        write=_write_rows,
-        read=_read_rows,
+        write=_write_rows_of_results,
+        read=_read_rows_of_results,
     ),
     one_file(
         "times of results",

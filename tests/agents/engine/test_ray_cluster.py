@@ -25,7 +25,7 @@ from albot_agents.engine.local import LocalEngine
 from albot_agents.engine.ray_cluster import RayEngine
 from albot_core.errors import InputError
 from tests.agents.engine.test_local import bad_input, dying, process_id, raising
-from tests.processes import ALBOT, is_gone, running, wait_until
+from tests.processes import ALBOT, family, is_gone, listening, running, wait_until
 
 # Ray reads some variables when it is imported, which is therefore left to the fixture.
 pytestmark = pytest.mark.skipif(
@@ -169,7 +169,7 @@ def test_a_cluster_of_its_own_is_closed_to_others_and_ends_with_the_command(tmp_
     before = token.exists()
     with running(words, tmp_path) as process:
         wait_until(lambda: _workers(process.pid) > 0, 240)
-        addresses, variables = _listening(process.pid), _environments(process.pid)
+        addresses, variables = listening(process.pid), _environments(process.pid)
         os.killpg(process.pid, signal.SIGINT)
         # Two or three seconds where the machine is not busy.
         out, errors = process.communicate(timeout=60)
@@ -185,52 +185,14 @@ def test_a_cluster_of_its_own_is_closed_to_others_and_ends_with_the_command(tmp_
     assert token.exists() is before
 
 
-def _family(pid: int) -> dict[int, Path]:
-    """The folders in /proc of a process and of all that descend from it, by number."""
-    parents = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            fields = (folder / "stat").read_text().rpartition(")")[2].split()
-            parents[int(folder.name)] = int(fields[1])
-        except OSError:  # It has ended.
-            continue
-    family = {pid}
-    for _ in range(4):
-        family |= {each for each, parent in parents.items() if parent in family}
-    return {each: Path("/proc", str(each)) for each in family}
-
-
 def _workers(pid: int) -> int:
     """How many of them run a task."""
-    names = (folder / "cmdline" for folder in _family(pid).values())
+    names = (folder / "cmdline" for folder in family(pid).values())
     return sum(b"_run_remote" in name.read_bytes() for name in names if name.exists())
 
 
 def _environments(pid: int) -> list[str]:
     """The environments of Ray's servers; its Python processes write a title over theirs."""
-    folders = _family(pid).values()
+    folders = family(pid).values()
     rays = [each for each in folders if b"/ray/core/src/ray/" in (each / "cmdline").read_bytes()]
     return [(each / "environ").read_text() for each in rays]
-
-
-def _listening(pid: int) -> set[str]:
-    """The addresses on which they listen."""
-    sockets = set()
-    for folder in _family(pid).values():
-        for file in (folder / "fd").glob("*"):
-            try:
-                sockets.add(str(file.readlink()))
-            except OSError:
-                continue
-    found = set()
-    for table in ("tcp", "tcp6"):
-        for line in Path("/proc/net", table).read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[3] == "0A" and f"socket:[{fields[9]}]" in sockets:
-                host, port = fields[1].split(":")
-                packed = bytes.fromhex(host)
-                words = [packed[k : k + 4][::-1] for k in range(0, len(packed), 4)]
-                family = socket.AF_INET if table == "tcp" else socket.AF_INET6
-                name = socket.inet_ntop(family, b"".join(words)).removeprefix("::ffff:")
-                found.add(f"{name}:{int(port, 16)}")
-    return found
