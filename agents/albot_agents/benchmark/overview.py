@@ -116,7 +116,7 @@ def _standing(cells: Sequence[CellResults], protocol: Protocol) -> Standing:
 def agents_sentence(columns: Sequence[Column]) -> str:
     """Return which agents are first; an empty text where there are too few episodes."""
     said = [text for column in columns if column.name != PROBES for text in _first(column)]
-    return f"Over all kinds of worlds, first is {'; '.join(said)}." if said else ""
+    return f"First over all kinds of worlds: {'; '.join(said)}." if said else ""
 
 
 def _first(column: Column) -> Iterator[str]:

@@ -110,7 +110,8 @@ class Results:
                 folder.add(found, self.source)
             for name, record in self.agents.items():
                 folder.write_record(name, record)
-            add_costs(folder.path, self.costs)
+            if self.costs:
+                add_costs(folder.path, self.costs)
 
 
 def read_results(path: Path, protocol: Protocol) -> Results:

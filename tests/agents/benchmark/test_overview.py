@@ -86,7 +86,7 @@ def test_probes_are_one_column() -> None:
 def test_who_is_first_is_told_with_the_difference_in_the_same_episodes() -> None:
     found = [everywhere("oracle", 3, 1.0), everywhere("a", 3, 0.75), everywhere("b", 3, 0.5)]
     assert agents_sentence(overview(*found)) == (
-        "Over all kinds of worlds, first is in homing `a` (albot1) (SPL 0.75, 21 episodes), ahead "
+        "First over all kinds of worlds: in homing `a` (albot1) (SPL 0.75, 21 episodes), ahead "
         "of `b` (albot1) by 0.25 (0.25–0.25)."
     )
 
@@ -167,7 +167,7 @@ def test_the_page_opens_with_sentences_tables_and_picture() -> None:
     report = replace(Report.of_results(found, PROTOCOL), picture="results-mappers.png")
     page = render_page(report)
     marks = (
-        "# Results\n\nOver all kinds of worlds, first is in homing",
+        "# Results\n\nFirst over all kinds of worlds: in homing",
         "**Agents**, over all kinds of worlds",
         "| `albot1-homing` (albot1) | 67% · 0.75 (0.75–0.75) |",
         "**Mappers**, in offices",
