@@ -47,7 +47,11 @@ def running(
     )
     try:
         with process:
-            yield process
+            try:
+                yield process
+            except BaseException:  # Otherwise a failed test would wait for the process to end.
+                os.killpg(process.pid, signal.SIGKILL)
+                raise
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)

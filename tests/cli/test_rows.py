@@ -112,11 +112,11 @@ def test_a_changed_world_is_another_run(
 
 
 def test_a_stress_run_that_is_killed_goes_on(tmp_path: Path) -> None:
-    words = ("stress", "--worlds", "square-loop", "--count", "130", "--steps", "8", "--agent",
+    words = ("stress", "--worlds", "square-loop", "--count", "1000", "--steps", "8", "--agent",
              "random", "--jobs", "1", "--json")  # fmt: skip
     rows = tmp_path / "rows"
     with running([*ALBOT, *words, "--rows", "rows"], tmp_path) as process:
-        wait_until(lambda: (rows / TAIL).exists() and (rows / TAIL).stat().st_size > 0)
+        wait_until(lambda: (rows / TAIL).exists() and (rows / TAIL).stat().st_size > 0, 240)
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate(timeout=60)
     kept = len((rows / TAIL).read_text().splitlines())
@@ -125,5 +125,5 @@ def test_a_stress_run_that_is_killed_goes_on(tmp_path: Path) -> None:
         out, errors = process.communicate(timeout=240)
     assert (process.returncode, errors) == (0, b"")
     found = json.loads(out)
-    assert (found["episodes"], found["steps"], found["violations"]) == (130, 1040, [])
+    assert (found["episodes"], found["steps"], found["violations"]) == (1000, 8000, [])
     assert len(parts(rows)) == 1
