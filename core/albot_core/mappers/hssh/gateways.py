@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float32, Float64, Int8, Int32, Int64
 
 from albot_core.geometry.types import Points, Segments
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.hssh.skeleton import distances, skeleton_of
+from albot_core.mappers.hssh.skeleton import distances, sealed, skeleton_of
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 UNKNOWN, FREE, WALL = np.int8(0), np.int8(1), np.int8(2)
@@ -91,7 +91,7 @@ def find_gateways(ground: Ground, config: GatewayConfig) -> Narrows:
     if not free.any():
         empty = np.empty((0, 4)), np.zeros(free.shape, np.float32), np.empty((0, 2), np.int32)
         return Narrows(gateways=empty[0], clearance=empty[1], skeleton=empty[2])
-    clearance = distances(free)
+    clearance = distances(sealed(free))
     skeleton = skeleton_of(clearance)
     lines = find_constrictions(
         ground.states,

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, Int32, Int64
+from jaxtyping import Bool, Float32, Int32, Int64
 
 from albot_core.kernels.compiled import kernel
 
@@ -74,6 +74,29 @@ def skeleton_of(clearance: Float32[np.ndarray, "rows columns"]) -> Skeleton:
     kept = thinned(clearance)
     cells, ends, nodes, count, branches = trace_branches(kept)
     return Skeleton(cells[:count], ends[:branches], nodes[:branches])
+
+
+@kernel(arrays=True)
+def sealed(free: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+    """Return the free cells without those that touch another one between two corners of a wall.
+
+    A thin wall that runs aslant is a chain of cells that touch by their corners. The skeleton is
+    8-connected, and would lead through it.
+    """
+    kept = free.copy()
+    rows, columns = kept.shape
+    changed = True
+    while changed:
+        changed = False
+        for i in range(rows - 1):
+            for j in range(columns - 1):
+                one = kept[i, j] and kept[i + 1, j + 1]
+                other = kept[i, j + 1] and kept[i + 1, j]
+                if one and not kept[i, j + 1] and not kept[i + 1, j]:
+                    kept[i, j], changed = False, True
+                elif other and not kept[i, j] and not kept[i + 1, j + 1]:
+                    kept[i, j + 1], changed = False, True
+    return kept
 
 
 @kernel(arrays=True)

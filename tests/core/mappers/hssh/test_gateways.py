@@ -17,7 +17,7 @@ from albot_core.mappers.hssh.gateways import (
     find_gateways,
     region_around,
 )
-from albot_core.mappers.hssh.skeleton import distances, thinned
+from albot_core.mappers.hssh.skeleton import distances, sealed, thinned
 from albot_core.mappers.hssh.star import ENDS, Star
 from tests.core.mappers.hssh.floors import (
     BLOCK,
@@ -155,3 +155,15 @@ def test_the_region_is_the_ground_on_the_robots_side():
     region = seen_from(ground, 1, 1)
     assert region.inside.sum() == pytest.approx(1600, rel=0.01)
     assert (ground.states[region.inside] == FREE).all()
+
+
+def test_no_skeleton_leads_through_a_thin_wall_aslant():
+    """The wall is a chain of cells that touch by their corners."""
+    free = np.ones((30, 30), np.bool_)
+    free[0] = free[-1] = False
+    free[:, 0] = free[:, -1] = False
+    free[np.arange(30), np.arange(30)] = False
+    assert ndimage.label(thinned(distances(free)), np.ones((3, 3)))[1] == 1
+    assert ndimage.label(thinned(distances(sealed(free))), np.ones((3, 3)))[1] == 2
+    states = np.where(free, FREE, 2).astype(np.int8)
+    assert not len(find_gateways(Ground(states, np.zeros(2), 0.1), CONFIG).gateways)
