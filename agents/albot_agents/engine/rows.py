@@ -249,8 +249,12 @@ def _read_lines(path: Path, columns: Columns, *, torn: bool = False) -> Iterator
         raise InputError(path, "lines that end with a line feed", "a torn one")
     kinds = {NUMBER: Any, **dict.fromkeys(columns, Any)}
     for number, line in enumerate(lines, start=1):
-        where = Location(path, place=lambda _, number=number: f"line {number}")
+        where = _line_location(path, number)
         yield _checked(read_record(kinds, parse_json(line, path, f"line {number}"), where), where)
+
+
+def _line_location(path: Path, number: int) -> Location:
+    return Location(path, place=lambda _: f"line {number}")
 
 
 def _read_parquet(path: Path, columns: Columns) -> Iterator[Row]:
