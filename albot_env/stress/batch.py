@@ -254,8 +254,8 @@ class BatchChecker:
         before = self._outlines(row, self._old_outlines, step.rows)
         now = self._outlines(row, step.outlines, step.rows)
         movables = [
-            check_movables(kind, walls, *corners, limits)
-            for kind, *corners in zip(OUTLINES, before, now, strict=True)
+            check_movables(kind, walls, old, new, limits)
+            for kind, old, new in zip(OUTLINES, before, now, strict=True)
         ]
         inside = [
             line

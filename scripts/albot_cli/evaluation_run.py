@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from albot_agents.engine.engine import Crash, Engine
 from albot_agents.evaluation.outcome_rows import outcome_of, row_of
@@ -64,7 +64,9 @@ def run_trials(
         InputError: A trial cannot be run, or as `RowsFolder.opened`.
     """
     engine.start()
-    with nullcontext({}) if rows is None else rows.opened(resume=resumes) as known:
+    opened: AbstractContextManager[Mapping[int, Any]]
+    opened = nullcontext({}) if rows is None else rows.opened(resume=resumes)
+    with opened as known:
         done = {}
         for number, row in known.items():
             k, agent = divmod(number, len(trials))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -184,7 +184,7 @@ def command(
     notes = notes_of(recorded, truth, reference, true_relations)
     for note in notes:
         click.echo(f"albot: {recorded.name}: {note}", err=True)
-    saved = {"saved_map": localise, "extend": extend}
+    saved: dict[str, Any] = {"saved_map": localise, "extend": extend}
     warm_up(mapper, mapper_parameters, recorded, **saved)
     with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as update:
         run = run_mapper(mapper, mapper_parameters, recorded, update, **saved)

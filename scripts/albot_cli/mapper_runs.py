@@ -142,7 +142,7 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
     warm_up(choice.name, choice.config, log, seconds=_LOADING)
     rng = np.random.default_rng(source.seed)
     follower = _Follower(run) if run.tracks else None
-    follow = {} if follower is None else {"follow": follower.follow}
+    follow: dict[str, Any] = {} if follower is None else {"follow": follower.follow}
     mapped = run_mapper(choice.name, choice.config, log, on_step, rng=rng, **follow)
     online = score(mapped.believed, source.reference, source.relations)
     corrected = None

@@ -167,7 +167,8 @@ def command(
     chosen = report.only({row.entrant.name for row in rows}) if agents else report
     times = list(row_times(folder, rows))
     if as_json:
-        facts = {"protocol": folder.protocol.protocol, "missing": run.missing, "stopped": stopped}
+        facts: dict[str, Any] = {"protocol": folder.protocol.protocol}
+        facts |= {"missing": run.missing, "stopped": stopped}
         facts["failed"] = [each.facts for each in run.failed]
         facts["files"] = {name: str(file) for name, file in files.items()}
         click.echo(json.dumps(facts | _figures(chosen, times, with_mappers=bool(mappers))))

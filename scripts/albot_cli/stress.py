@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterable
-from contextlib import closing, nullcontext
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, closing, nullcontext
 from itertools import count as counting
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -335,7 +335,9 @@ def _run(
     episodes = campaign.episodes()
     numbers = {episode_key(episode): number for number, episode in enumerate(episodes)}
     total = len(episodes) * campaign.steps
-    with nullcontext({}) if rows is None else rows.opened(resume=resumes) as known:
+    opened: AbstractContextManager[Mapping[int, Any]]
+    opened = nullcontext({}) if rows is None else rows.opened(resume=resumes)
+    with opened as known:
         for number, row in known.items():
             assert rows is not None
             tally.add(outcome_of(row, episodes[number], rows.path))

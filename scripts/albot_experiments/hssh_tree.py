@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from albot_core.drawing.palette import EXIT, PLACE
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.map_tree import MapTree, TreeConfig
@@ -171,9 +172,9 @@ def picture(mapper: Hssh) -> Figure:
     for k, node in enumerate(graph.nodes):
         pose = compose(start, node.pose)
         for line in transform_segments(pose, node.segments):
-            axes.plot(line[[0, 2]], line[[1, 3]], color="C1", lw=2.0)
-        axes.text(*pose[:2], node.label, color="C0", ha="center", va="center")
-        axes.plot([], [], color="C1", label="gateways") if k == 0 else None
+            axes.plot(line[[0, 2]], line[[1, 3]], color=EXIT, lw=2.0)
+        axes.text(float(pose[0]), float(pose[1]), node.label, color=PLACE, ha="center", va="center")
+        axes.plot([], [], color=EXIT, label="gateways") if k == 0 else None
     axes.legend(loc="lower left", fontsize="small")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     return figure

@@ -27,6 +27,7 @@ import numpy as np
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import STEPS, patrol
+from albot_cli.count_type import CountType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -305,7 +306,8 @@ def measure_log(name: str, path: Path, mapper: str, second: Path | None) -> dict
     localiser = Localiser(known_map_of(made, CONFIG, path), CONFIG)
     to_map = _frame(log, np.array(poses), half) if second is None else None
     truth = None if to_map is None else _reference(log)
-    rows, way = [], 0.0
+    rows: list[dict[str, Any]] = []
+    way = 0.0
     for number in numbers:
         reading = other.readings[number]
         way += math.hypot(*reading.motion[:2]) if rows else 0.0
@@ -416,7 +418,13 @@ def logs_table(rows: Sequence[dict[str, Any]]) -> str:
 @click.option("--worlds", default="random:office:SEED?rooms=8", show_default=True)
 @click.option("--seeds", default="70000..70049", show_default=True)
 @click.option("--world", "named", multiple=True, help="A world instead; may be repeated.")
-@click.option("--starts", default=4, show_default=True, help="Robots in each world.")
+@click.option(
+    "--starts",
+    default=4,
+    show_default=True,
+    type=CountType(1),
+    help="Robots in each world.",
+)
 @click.option("--mapper", "mappers", multiple=True, default=MAPPERS, show_default=True)
 @click.option("--baselines", is_flag=True, help="Also the baselines, on the first mapper's maps.")
 @click.option("--logs", type=PathType(), help="Folder of the logs; then these are localised.")
@@ -447,7 +455,7 @@ def command(
             for number, spec in enumerate(specs):
                 done, other = measure_world(spec, number, starts, mappers, methods, other)
                 outcomes += done
-                found = {"worlds": specs[: number + 1], "rows": counts(outcomes)}
+                found: dict[str, Any] = {"worlds": specs[: number + 1], "rows": counts(outcomes)}
                 found["outcomes"] = [asdict(outcome) for outcome in outcomes]
                 _write(out, found)
                 update(number + 1)

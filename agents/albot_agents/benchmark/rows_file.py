@@ -34,7 +34,8 @@ from albot_agents.benchmark.protocol import Protocol
 from albot_core.errors import InputError
 from albot_core.files import atomic_write, read_text
 from albot_core.json_document import parse_json
-from albot_core.plain_data import Location, format_value, read_record
+from albot_core.plain_data import Location, read_record
+from albot_core.yaml_document import format_value
 
 SUFFIX = ".jsonl.gz"
 """How the names of such files end."""

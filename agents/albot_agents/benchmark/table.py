@@ -183,8 +183,8 @@ def make_table(results: Sequence[CellResults], protocol: Protocol) -> list[Table
         )
         difference = None
         if others is not None and cell.agent != measured.reference:
-            place = f"{cell.task}, {cell.worlds}, {cell.odometer}"
-            difference = compare(place, cells[cell], others, measured.figure)
+            where = f"{cell.task}, {cell.worlds}, {cell.odometer}"
+            difference = compare(where, cells[cell], others, measured.figure)
         rows.append(
             TableRow(
                 cell=cell,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,7 @@ def outcome_of(row: Row, trial: Trial, folder: Path) -> Outcome:
         raise InputError(folder, ", ".join(map(str, wanted)), said, place=place)
     try:
         whole = {name: value_of(plain) for name, plain in row["outcome"].items()}
-        arrays = {name: np.asarray(whole[name], np.float64) for name in _ARRAYS}
+        arrays: dict[str, Any] = {name: np.asarray(whole[name], np.float64) for name in _ARRAYS}
         info = dict(whole["info"])
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(folder, "what makes an outcome", str(error), place=place) from None

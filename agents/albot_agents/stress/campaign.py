@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import jsonschema
-from jsonschema.exceptions import ValidationError
 
 from albot_agents.registry import EXPLORE, check_agent
 from albot_agents.stress.episodes import Episode, world_specs
@@ -185,7 +184,7 @@ class CampaignError(InputError):
         """What is wrong."""
         self.args = ("\n".join(map(str, errors)),)
 
-    def __reduce__(self) -> tuple[type[CampaignError], tuple[Sequence[InputError]]]:
+    def __reduce__(self) -> Any:
         """Return what pickling needs."""
         return CampaignError, (self.errors,)
 
@@ -226,7 +225,7 @@ def read_schema() -> dict[str, Any]:
     return schema
 
 
-def _schema_error(error: ValidationError, document: YamlDocument, path: Path) -> InputError:
+def _schema_error(error: Any, document: YamlDocument, path: Path) -> InputError:
     """Return what the schema finds as an error that names the line."""
     at = tuple(error.absolute_path)
     if error.validator == "additionalProperties":

@@ -143,7 +143,7 @@ def simpler(episode: Episode) -> Iterator[Episode]:
             for k in range(len(faults)):
                 yield replace(episode, faults="+".join(faults[:k] + faults[k + 1 :]))
     if episode.mapper != NO_MAPPER and find_agent(episode.agent).file is None:
-        without = {"mapper_config": None, "mapper_config_file": None}
+        without: dict[str, Any] = {"mapper_config": None, "mapper_config_file": None}
         yield replace(episode, mapper=NO_MAPPER, **without)
         if episode.mapper_config is not None:
             yield replace(episode, **without)

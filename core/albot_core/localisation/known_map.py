@@ -186,11 +186,15 @@ def _ground_of_walls(
     kinds[where[:, 1], where[:, 0]] = WALL
     eyes = viewpoints
     for _ in range(_ROUNDS):
-        cells = np.unique(((eyes - corner) / _APART).astype(int), axis=0)
-        free_rays(kinds, corner, corner + (cells + 0.5) * _APART, _SIGHT)
+        # One viewpoint of each square; its middle may be on the other side of a wall.
+        squares = ((eyes - corner) / _APART).astype(int)
+        _, chosen = np.unique(squares, axis=0, return_index=True)
+        free_rays(kinds, corner, eyes[chosen], _SIGHT)
         # What a robot saw from there it may have entered, and seen more.
         eyes = corner + (np.argwhere(kinds == FREE)[:, ::-1] + 0.5) * CELL
-    return _with_distances(kinds, corner)
+    ground = _with_distances(kinds, corner)
+    assert ground is not None  # There are walls.
+    return ground
 
 
 @kernel(arrays=True)
@@ -260,7 +264,7 @@ def _blocks_of(
     part = level[: wide * BLOCK, : wide * BLOCK].reshape(wide, BLOCK, wide, BLOCK)
     bounds = np.ascontiguousarray(part.transpose(1, 3, 0, 2)).reshape(BLOCK * BLOCK, wide, wide)
     opens = is_open[: wide * BLOCK, : wide * BLOCK].reshape(wide, BLOCK, wide, BLOCK)
-    return bounds, opens.any(axis=(1, 3))
+    return bounds, np.asarray(opens.any(axis=(1, 3)))
 
 
 def _open_cells(ground: Ground, coarse: LikelihoodField) -> np.ndarray:

@@ -232,5 +232,6 @@ def _with_motions(log: Log, motions: np.ndarray) -> Log:
     """Return a copy of the log with other motions between readings."""
     poses = [log.odometry[0]]
     for motion in motions:
-        poses.append(compose(poses[-1], motion))
+        # Standing still is to the last bit: composition would turn by rounding errors.
+        poses.append(compose(poses[-1], motion) if motion.any() else poses[-1])
     return replace(log, odometry=np.array(poses))

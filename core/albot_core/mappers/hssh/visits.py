@@ -76,7 +76,7 @@ def surface_of(
     points = ground.centres(np.argwhere(ground.states == WALL))
     points = points[np.hypot(*(points - middle).T) <= reach]
     step = max(math.ceil(len(points) / max(most, 1)), 1)
-    return points[::step][:most]
+    return np.asarray(points[::step][:most], np.float64)
 
 
 def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
