@@ -70,8 +70,8 @@ class Panel:
     """The map; None if there is none."""
     believed: Poses
     """The estimated trajectory."""
-    reference: Poses | None = None
-    """The reference trajectory, aligned with `believed`; None for none."""
+    reference: Float64[np.ndarray, "moments 3"] | None = None
+    """The reference trajectory, aligned with `believed`, which may lack moments; None for none."""
     note: str = ""
     """Why the panel is empty, which is written into it."""
 
