@@ -22,6 +22,7 @@ SOURCES = {
     "albot_agents": ROOT / "agents",
     "albot_experiments": ROOT / "scripts",
     "albot_benchmarks": ROOT / "scripts",
+    "albot_stress": ROOT / "scripts",
     "albot_cli": ROOT / "scripts",
 }
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

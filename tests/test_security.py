@@ -18,6 +18,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = (
     "core/albot_core", "maps/albot_maps", "albot_env", "agents/albot_agents", "scripts/albot_cli",
     "scripts/albot_experiments", "scripts/albot_studies", "scripts/albot_benchmarks",
+    "scripts/albot_stress",
 )  # fmt: skip
 UNPICKLING = {"pickle", "cPickle", "_pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
 CONNECTING = {

@@ -39,8 +39,8 @@ from albot_core.files import write_text
 if TYPE_CHECKING:
     from albot_agents.engine.engine import Engine
     from albot_agents.engine.rows import RowsFolder
-    from albot_agents.stress.campaign import Campaign
-    from albot_agents.stress.episodes import Outcome, Violation
+    from albot_stress.campaign import Campaign
+    from albot_stress.episodes import Outcome, Violation
 
 _LARGEST_SEED = 2**64 - 1
 """Largest seed of a random world."""
@@ -189,8 +189,8 @@ def _campaign(
     from dataclasses import replace
 
     from albot_agents.registry import EXPLORE, check_agent
-    from albot_agents.stress.campaign import Campaign, MapperChoice, read_campaign
-    from albot_agents.stress.running import Checks
+    from albot_stress.campaign import Campaign, MapperChoice, read_campaign
+    from albot_stress.running import Checks
 
     if file is not None:
         for name in _PLAN:
@@ -313,8 +313,8 @@ def _row(violation: Violation) -> dict[str, Any]:
 def _rows_folder(ctx: click.Context, campaign: Campaign, place: Path) -> RowsFolder:
     """Return the folder of the rows, which is neither read nor made yet."""
     from albot_agents.engine.rows import Manifest, RowsFolder, files_digest
-    from albot_agents.stress.rows import COLUMNS
     from albot_core.plain_data import to_plain
+    from albot_stress.rows import COLUMNS
 
     plan = to_plain(campaign)
     plan["files"] = files_digest((*campaign.worlds, *campaign.agents))
@@ -327,9 +327,9 @@ def _run(
     campaign: Campaign, engine: Engine, tally: _Tally, rows: RowsFolder | None, resumes: bool
 ) -> None:
     """Run the episodes that the rows lack until all are done or Ctrl-C."""
-    from albot_agents.stress.episodes import plan_jobs
-    from albot_agents.stress.rows import episode_key, outcome_of, row_of
-    from albot_agents.stress.running import run_jobs
+    from albot_stress.episodes import plan_jobs
+    from albot_stress.rows import episode_key, outcome_of, row_of
+    from albot_stress.running import run_jobs
 
     engine.start()
     episodes = campaign.episodes()
@@ -360,7 +360,7 @@ def _shrink(
 ) -> None:
     """Shrink the first violations of each kind, and store their episodes."""
     from albot_agents.engine.engine import Crash
-    from albot_agents.stress.shrinking import ShrinkTask, Shrunk, shrink
+    from albot_stress.shrinking import ShrinkTask, Shrunk, shrink
 
     kinds = {
         (each.invariant, each.episode.agent, each.episode.mapper, each.episode.faults): each

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from albot_agents.stress.campaign import read_campaign
 from albot_core.yaml_document import dump_yaml, read_yaml
 from albot_reliability.fault_sampling import ROOT
+from albot_stress.campaign import read_campaign
 
 CAMPAIGNS = ("all_worlds", "explorers", "faults")
 """The campaigns that are run, files of `docs/campaigns`."""

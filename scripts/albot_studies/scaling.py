@@ -22,16 +22,16 @@ import click
 from albot_agents.engine.choice import LOCAL, RAY, make_engine
 from albot_agents.engine.engine import Engine, OnStep
 from albot_agents.engine.rows import TAIL, Manifest, RowsFolder
-from albot_agents.stress.campaign import Campaign
-from albot_agents.stress.episodes import Job, Outcome
-from albot_agents.stress.rows import COLUMNS, row_of
-from albot_agents.stress.running import run_job
 from albot_benchmarks.timing import describe_machine
 from albot_cli.count_type import CountType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
+from albot_stress.campaign import Campaign
+from albot_stress.episodes import Job, Outcome
+from albot_stress.rows import COLUMNS, row_of
+from albot_stress.running import run_job
 
 WORLDS, STEPS = "random:office", 300
 MILLION = 1_000_000

@@ -28,8 +28,6 @@ from albot_agents.benchmark.rows_file import Results, read_results, write_rows
 from albot_agents.benchmark.times import read_times
 from albot_agents.engine.rows import TAIL, Manifest, RowsFolder, parts, read_rows
 from albot_agents.registry import find_agent
-from albot_agents.stress.episodes import Episode
-from albot_agents.stress.rows import COLUMNS, outcome_of
 from albot_agents.task import config_kind
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import read_evaluation, write_card
@@ -68,6 +66,8 @@ from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.stage_world import read_stage_world
 from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
+from albot_stress.episodes import Episode
+from albot_stress.rows import COLUMNS, outcome_of
 from tests.agents.benchmark.episodes import results as made_up
 from tests.agents.training.demonstrated import ACTIONS, LESSON, demonstrations
 from tests.agents.training.tiny import TASK, TINY, begun, plan_file

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_agents.stress.campaign import read_campaign
 from albot_reliability.__main__ import PROGRAMS, main
 from albot_reliability.digests import Digests
 from albot_reliability.fault_sampling import ROOT, all_faults, draw_faults, modules
+from albot_stress.campaign import read_campaign
 
 with patch.dict(os.environ):  # It limits the threads of all that is loaded after it.
     from albot_reliability import campaigns, fuzzing

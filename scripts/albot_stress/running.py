@@ -17,7 +17,6 @@ from gymnasium.vector import AutoresetMode
 from albot_agents.agent import Agent, EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.engine.engine import Crash, Engine, name_error
 from albot_agents.registry import EXPLORE, make_agent
-from albot_agents.stress.episodes import Episode, Job, Outcome, Violation, alone
 from albot_core.errors import InputError
 from albot_core.ranges import FROM_ONE, SHARE, check_fields
 from albot_env.export.replay import replay
@@ -27,6 +26,7 @@ from albot_env.stress.batch import DEFAULTS, BatchChecker, info_of, row_of
 from albot_env.stress.beliefs import BeliefChecker
 from albot_env.stress.checks import ERROR, Finding, Limits
 from albot_maps import World
+from albot_stress.episodes import Episode, Job, Outcome, Violation, alone
 
 OnStep = Callable[[int], None]
 

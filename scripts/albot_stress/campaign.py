@@ -19,8 +19,6 @@ from typing import Any, NamedTuple, TypeVar
 import jsonschema
 
 from albot_agents.registry import EXPLORE, check_agent
-from albot_agents.stress.episodes import Episode, world_specs
-from albot_agents.stress.running import Checks, check_episode
 from albot_agents.task import find_task
 from albot_core.errors import InputError, did_you_mean
 from albot_core.mappers.registry import NO_MAPPER, mapper_config, mapper_spec
@@ -31,6 +29,8 @@ from albot_env.faults.registry import faults_text
 from albot_env.sim import ODOMETERS
 from albot_maps import load_world
 from albot_maps.generators.spec import KINDS, PREFIX
+from albot_stress.episodes import Episode, world_specs
+from albot_stress.running import Checks, check_episode
 
 NO_FAULTS = "none"
 """The entry of `faults` that stands for nothing."""

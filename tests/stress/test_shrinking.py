@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from albot_agents.stress.episodes import Episode
-from albot_agents.stress.running import Checks, run_episode
-from albot_agents.stress.shrinking import ShrinkTask, shrink, simpler
 from albot_env.recording.reader import EpisodeReader
 from albot_env.tasks.explore.env import ExploreVectorEnv
+from albot_stress.episodes import Episode
+from albot_stress.running import Checks, run_episode
+from albot_stress.shrinking import ShrinkTask, shrink, simpler
 
 EPISODE = Episode(
     world="random:office:12?people=4&boxes=2",

@@ -7,15 +7,15 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from albot_agents.stress.campaign import (
+from albot_core.errors import InputError
+from albot_stress.campaign import (
     Campaign,
     CampaignError,
     MapperChoice,
     read_campaign,
     read_schema,
 )
-from albot_agents.stress.running import Checks
-from albot_core.errors import InputError
+from albot_stress.running import Checks
 
 FULL = """\
 task: explore

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from albot_agents.registry import find_agent
-from albot_agents.stress.episodes import Episode, Violation
-from albot_agents.stress.running import Checks, OnStep, record_episode, run_episode
 from albot_core.errors import InputError
 from albot_core.mappers.registry import NO_MAPPER
 from albot_env.stress.checks import ERROR
 from albot_maps.generators.parameters import ParameterRange
 from albot_maps.generators.spec import PREFIX, parse_spec
+from albot_stress.episodes import Episode, Violation
+from albot_stress.running import Checks, OnStep, record_episode, run_episode
 
 SEEDS = 8
 """Number of the smallest seeds that are tried in place of a larger one."""

@@ -14,14 +14,6 @@ import numpy as np
 import pytest
 
 from albot_agents.registry import EXPLORE, agent_names, find_agent
-from albot_agents.stress.campaign import Campaign
-from albot_agents.stress.episodes import (
-    Episode,
-    Outcome,
-    Violation,
-    plan_jobs,
-)
-from albot_agents.stress.running import Checks, run_episode, run_job
 from albot_cli.main import main
 from albot_core.errors import InputError
 from albot_core.mappers.registry import mapper_config, mapper_spec
@@ -34,6 +26,14 @@ from albot_env.tasks.core.vector import VectorEnv
 from albot_env.tasks.explore.env import ExploreVectorEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
+from albot_stress.campaign import Campaign
+from albot_stress.episodes import (
+    Episode,
+    Outcome,
+    Violation,
+    plan_jobs,
+)
+from albot_stress.running import Checks, run_episode, run_job
 
 
 def plan(spec: str, count: int = 3, first: int = 0, agents: tuple[str, ...] = ("random",)):

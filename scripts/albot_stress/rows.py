@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from albot_agents.engine.rows import Row
-from albot_agents.stress.episodes import Episode, Outcome, Violation
 from albot_core.errors import InputError
+from albot_stress.episodes import Episode, Outcome, Violation
 
 COLUMNS = {
     "world": "string", "seed": "uint64", "agent": "string", "mapper": "string",
