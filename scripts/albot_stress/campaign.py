@@ -234,7 +234,7 @@ def _schema_error(error: Any, document: YamlDocument, path: Path) -> InputError:
         where = document.place((*at, unknown[0]))
         found = ", ".join(f"{key}{did_you_mean(key, known)}" for key in unknown)
         return InputError(path, f"keys among {', '.join(known)}", found, place=where)
-    expected = {
+    texts: dict[str, Callable[[], str]] = {
         "type": lambda: _TYPES.get(str(error.validator_value), str(error.validator_value)),
         "minimum": lambda: f"{error.validator_value} or more",
         "maximum": lambda: f"{error.validator_value} or less",
@@ -242,7 +242,8 @@ def _schema_error(error: Any, document: YamlDocument, path: Path) -> InputError:
         "minItems": lambda: "one entry or more",
         "minLength": lambda: "a text that is not empty",
         "anyOf": lambda: "a name, or a mapping with name and config",
-    }.get(str(error.validator), lambda: error.message)()
+    }
+    expected = texts.get(str(error.validator), lambda: str(error.message))()
     return InputError(path, expected, format_value(error.instance), place=document.place(at))
 
 

@@ -306,7 +306,7 @@ def measure_log(name: str, path: Path, mapper: str, second: Path | None) -> dict
     localiser = Localiser(known_map_of(made, CONFIG, path), CONFIG)
     to_map = _frame(log, np.array(poses), half) if second is None else None
     truth = None if to_map is None else _reference(log)
-    rows: list[dict[str, Any]] = []
+    rows: list[tuple[bool, float, float]] = []
     way = 0.0
     for number in numbers:
         reading = other.readings[number]
@@ -442,6 +442,7 @@ def command(
     as_json: bool,
 ) -> None:
     """Let robots localise themselves in saved maps, and count who is right."""
+    found: dict[str, Any]
     if logs is not None:
         found = {"rows": _measure_logs(logs, mappers)}
         text = logs_table(found["rows"])
@@ -455,7 +456,7 @@ def command(
             for number, spec in enumerate(specs):
                 done, other = measure_world(spec, number, starts, mappers, methods, other)
                 outcomes += done
-                found: dict[str, Any] = {"worlds": specs[: number + 1], "rows": counts(outcomes)}
+                found = {"worlds": specs[: number + 1], "rows": counts(outcomes)}
                 found["outcomes"] = [asdict(outcome) for outcome in outcomes]
                 _write(out, found)
                 update(number + 1)

@@ -9,7 +9,7 @@ from albot_core.mappers.hssh.gateways import GatewayConfig
 from albot_core.mappers.hssh.map_tree import TreeConfig
 from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.local_map import MatchingConfig
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 _LIMIT = Range("a positive number or infinity", 0.0, beyond=True, infinite=True)
 
@@ -45,7 +45,8 @@ class PlaceConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "search", "near", "gateway_error", "surface_error", "claim")
-        check_fields(self, NOT_NEGATIVE, "beyond", "points")
+        check_fields(self, NOT_NEGATIVE, "beyond", "around")
+        check_fields(self, COUNT, "points")
         check_fields(self, SHARE, "overlap")
         check_fields(self, _LIMIT, "drift")
 
