@@ -42,6 +42,7 @@ def fail_or_end(queue: Any, task: Any, on_step: OnStep, /) -> InputError | None:
 def test_a_seed_trains_in_a_task_as_it_does_alone_and_no_failure_stops_another(
     trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    (tmp_path / "whole").mkdir()
     folder, plan = begun(tmp_path / "whole")
     notes = Notes()
     with RayEngine(limit=2) as engine:
