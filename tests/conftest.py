@@ -75,6 +75,11 @@ def _compiles(path: Path) -> bool:
 
 # What a kernel takes to compile at its first example is no failure. Where CI is set, the examples
 # are the same in each run, so that a red run can be repeated; elsewhere new ones are tried.
+# Ray reads these once, when whichever test comes first imports it.
+os.environ.setdefault("RAY_AUTH_MODE", "token")
+os.environ.setdefault("RAY_AUTH_TOKEN", "0" * 64)
+os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 hypothesis.settings.register_profile(
     "albot", max_examples=50, deadline=None, derandomize="CI" in os.environ
 )

@@ -27,29 +27,21 @@ from albot_core.errors import InputError
 from tests.agents.engine.test_local import bad_input, dying, process_id, raising
 from tests.processes import ALBOT, family, is_gone, listening, running, wait_until
 
-# Ray reads some variables when it is imported, which is therefore left to the fixture.
 pytestmark = pytest.mark.skipif(
     find_spec("ray") is None, reason="Ray is not installed: pip install '.[cluster]'"
 )
-
-TOKEN = "0" * 64
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """A head and another node, one processor each, on the loopback interface."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        patch.setenv("RAY_AUTH_MODE", "token")
-        patch.setenv("RAY_AUTH_TOKEN", TOKEN)
-        from ray.cluster_utils import Cluster
+    from ray.cluster_utils import Cluster
 
-        store = {"num_cpus": 1, "object_store_memory": 100 << 20, "include_dashboard": False}
-        made = Cluster(initialize_head=True, head_node_args=store)
-        made.second = made.add_node(num_cpus=1, object_store_memory=100 << 20)
-        yield made
-        made.shutdown()
+    store = {"num_cpus": 1, "object_store_memory": 100 << 20, "include_dashboard": False}
+    made = Cluster(initialize_head=True, head_node_args=store)
+    made.second = made.add_node(num_cpus=1, object_store_memory=100 << 20)
+    yield made
+    made.shutdown()
 
 
 @pytest.fixture(scope="module")
