@@ -70,7 +70,7 @@ def test_mappers_are_compared_and_drawn(tmp_path: Path, call: Callable[..., Resu
     assert found["mappers"] == data
     page = (out / "results.md").read_text()
     assert "## Mappers" in page
-    assert data["sentences"] == []  # Of two episodes.
+    assert json.loads((out / "results.json").read_text())["sentences"] == []  # Of two episodes.
     assert "(results-mappers.png)" in page
     picture = out / "results-mappers.png"
     assert found["files"]["picture"] == str(picture)
