@@ -1,7 +1,9 @@
 """The folder of a run's rows: what was done, a row a task, written as it comes.
 
 - `run.json`: the command, its plan, the version of albot-env.
-- `rows-00000.parquet`, …: rows that are complete (`.jsonl` without the extra `cluster`).
+- `rows-00000-DIGEST.parquet`, …: rows that are complete (`rows-00000.jsonl` without the extra
+  `cluster`). The digest is the beginning of the content's SHA-256: pyarrow, which takes any amount
+  of memory for a damaged file, never sees one.
 - `rows.jsonl`: the newest rows, a line each.
 
 A row is appended to `rows.jsonl` in one write as soon as its task has ended, so a process that is
@@ -30,7 +32,14 @@ import numpy as np
 
 import albot_env
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, make_folder, read_text, sole_writer, write_text
+from albot_core.files import (
+    atomic_write,
+    make_folder,
+    read_bytes,
+    read_text,
+    sole_writer,
+    write_text,
+)
 from albot_core.json_document import parse_json, read_json
 from albot_core.plain_data import Location, read_record
 
@@ -41,9 +50,11 @@ PART_ROWS, PART_BYTES = 10_000, 32 << 20
 """Number of rows, and their size in `rows.jsonl` (bytes), at which they become a part."""
 _SYNCED = 1.0
 """Longest time between two rows after which the disk is told to keep them (s)."""
-_PART = re.compile(r"rows-\d{5}\.(parquet|jsonl)")
+_PART = re.compile(r"rows-\d{5}(\.jsonl|-([0-9a-f]{16})\.parquet)")
 _LARGEST_LINE = 64 << 20
 """Largest size of a row (bytes)."""
+_LARGEST_PART = PART_BYTES + _LARGEST_LINE
+"""Largest size of a part (bytes)."""
 _KINDS = {
     "command": str, "words": list[str], "plan": dict[str, Any], "tasks": int, "version": str,
 }  # fmt: skip
@@ -211,7 +222,10 @@ class RowsFolder:
             with atomic_write(self.path / f"rows-{number:05}.jsonl") as stream:
                 stream.write(content)
         else:
-            _write_parquet(self.path / f"rows-{number:05}.parquet", self._waiting, self.columns)
+            content = _parquet(self._waiting, self.columns)
+            name = f"rows-{number:05}-{_digest(content)}.parquet"
+            with atomic_write(self.path / name) as stream:
+                stream.write(content)
         self._tail.truncate(0)
         self._waiting, self._bytes = [], 0
 
@@ -242,7 +256,7 @@ def read_rows(folder: Path, columns: Columns) -> Iterator[Row]:
 
 def _read_lines(path: Path, columns: Columns, *, torn: bool = False) -> Iterator[Row]:
     """Yield the rows of JSON lines; `torn` allows that the last line is not complete."""
-    text = read_text(path, 2 * PART_BYTES + _LARGEST_LINE, "replace" if torn else "strict")
+    text = read_text(path, _LARGEST_PART, "replace" if torn else "strict")
     lines = text.split("\n")
     last = lines.pop()
     if last and not torn:
@@ -262,9 +276,12 @@ def _read_parquet(path: Path, columns: Columns) -> Iterator[Row]:
     import pyarrow
     from pyarrow import parquet
 
-    where = Location(path)
+    where, content = Location(path), read_bytes(path, _LARGEST_PART)
+    named = _PART.fullmatch(path.name)
+    if named is None or named[2] != _digest(content):
+        raise InputError(path, "a Parquet file with the digest of its name", _digest(content))
     try:
-        with parquet.ParquetFile(path) as file:
+        with parquet.ParquetFile(pyarrow.BufferReader(content)) as file:
             if file.schema_arrow != _schema(columns):
                 found = ", ".join(file.schema_arrow.names)
                 raise InputError(path, f"the columns {', '.join((NUMBER, *columns))}", found)
@@ -298,7 +315,12 @@ def _schema(columns: Columns) -> Any:
     return pyarrow.schema([(NUMBER, pyarrow.int64()), *fields])
 
 
-def _write_parquet(path: Path, rows: Sequence[Row], columns: Columns) -> None:
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def _parquet(rows: Sequence[Row], columns: Columns) -> bytes:
+    """Return rows as the content of a Parquet file."""
     import pyarrow
     from pyarrow import parquet
 
@@ -308,8 +330,10 @@ def _write_parquet(path: Path, rows: Sequence[Row], columns: Columns) -> None:
         for row in rows
     ]
     table = pyarrow.Table.from_pylist(plain, schema=_schema(columns))
-    with atomic_write(path) as stream:
-        parquet.write_table(table, stream, compression="zstd")
+    stream = pyarrow.BufferOutputStream()
+    parquet.write_table(table, stream, compression="zstd")
+    content: bytes = stream.getvalue().to_pybytes()
+    return content
 
 
 def files_digest(names: Iterable[str]) -> Mapping[str, str]:
