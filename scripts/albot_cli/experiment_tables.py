@@ -40,7 +40,8 @@ def report_text(report: Report) -> str:
         for name in {**measured, **paper}
     ]
     blocks = textwrap.wrap(f"{report.id}: {report.title}", WIDTH)
-    for table in (["", "ours", "paper"], *beside), *map(tuple, report.grouped()):
+    alone = [(["", "ours", "paper"], *beside)] if beside else []
+    for table in *alone, *map(tuple, report.grouped()):
         blocks += ["", *table_lines(_judged([list(row) for row in table], report))]
     return "\n".join([*blocks, "", *_verdict_lines(report)])
 

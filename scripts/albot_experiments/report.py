@@ -104,8 +104,13 @@ class Report:
         return ["Reached:", "", *lines]
 
     def table(self) -> list[str]:
-        """Return the paper's figures beside those measured, without groups, in Markdown."""
+        """Return the paper's figures beside those measured, without groups, in Markdown.
+
+        Nothing where all figures are in groups.
+        """
         paper, measured = dict(rows(self.paper)), dict(rows(self.alone))
+        if not paper and not measured:
+            return []
         return [
             "| | paper | measured |",
             "|---|---|---|",
