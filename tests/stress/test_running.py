@@ -291,7 +291,7 @@ def dying(step: Step) -> Step:
         (lost_key, "info", "info lacks the key room of the reset"),
         (far_away, "body", "went through wall"),
         (in_a_wall, "body", "deep in wall"),
-        (dying, "error", r"RuntimeError: the wheels fell off \(test_stress.py:\d+\)"),
+        (dying, "error", r"RuntimeError: the wheels fell off \(test_running.py:\d+\)"),
     ],
 )
 def test_what_is_broken_is_found_at_its_step(
