@@ -225,6 +225,16 @@ EQUAL: Mapping[tuple[str, str], str] = {
         "albot_env/tasks/core/way_home.py",
         "if len(self._kept) >= KEPT:",
     ): "one fewer is kept of what is worked out again where it is not kept",
+    # Two as they were when they were tried, before tasks were run by `albot_agents.engine`.
+    (
+        "agents/albot_agents/training/journeys.py",
+        "others = run_parallel(_JourneyRunner(task, single), numbered[1:], "
+        "min(jobs, len(tickets) + 1))",
+    ): "no more processes are begun than there are journeys to make",
+    (
+        "agents/albot_agents/workers.py",
+        'self._step = CONTEXT.RawValue("q", 1)',
+    ): "it is set to 0 again before the process gets its first task",
     (
         "agents/albot_agents/engine/local.py",
         'self._step = CONTEXT.RawValue("q", 1)',
