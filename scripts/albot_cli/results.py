@@ -112,7 +112,7 @@ _PAGE = "results.md"
     "--from",
     "sources",
     multiple=True,
-    type=PathType(exists=True),
+    type=PathType(),
     help="First add the results in this file (of --rows) or folder to those of the folder; "
     "repeatable.",
 )

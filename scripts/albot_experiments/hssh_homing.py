@@ -10,6 +10,8 @@ from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_experiments.report import Figures, Report, each_seed
 
 ID = "hssh-homing"
+PAPER: dict[str, Any] = {}
+"""The paper gives no figures."""
 TITLE = "HSSH comes home over its places and paths in random offices"
 TASK, AGENT = "Albot/Homing-v0", "map-homing"
 WORLD = "random:office:{seed}"
@@ -55,7 +57,7 @@ def report(seeds: range, outcomes: Mapping[str, Sequence[Outcome]]) -> Report:
     return Report(
         id=ID,
         title=TITLE,
-        paper={},
+        paper=PAPER,
         measured=measured,
         holds=verdicts["hssh"],
         verdicts=verdicts,

@@ -387,6 +387,7 @@ def _write_rows(folder: Path) -> None:
 def _write_parts(folder: Path) -> None:
     """Write rows as they are at the end."""
     row = dict.fromkeys(COLUMNS) | {"world": "office", "seed": 3, "steps": 9}
+    row |= {"agent": "random", "mapper": "none"}
     with _rows_folder(folder).opened(resume=False):
         pass
     rows = _rows_folder(folder)

@@ -353,7 +353,8 @@ def _map_digest(saved_map: Any, extend_map: Any, mapper: str) -> str:
         if extend_map:
             raise InputError("extend_map", "False, without a saved_map to extend", "True")
         return ""
-    if mapper == NO_MAPPER:
+    has_mapper = mapper != NO_MAPPER
+    if not has_mapper:
         raise InputError("saved_map", "None, for a robot without a mapper", repr(saved_map))
     if not isinstance(saved_map, str | Path):
         raise InputError("saved_map", "the path of a map file, or None", repr(saved_map)[:80])

@@ -75,6 +75,7 @@ def believed(pose: Any = (0.0, 0.0, 0.0), home: Any = (0.0, 0.0, 0.0)) -> BatchS
         true_ranges=np.full((1, 181), np.inf),
         ranges=np.full((1, 181), np.inf),
         echoes=np.full((1, 8), np.inf),
+        compasses=np.zeros(1),
         time_left=np.full(1, np.inf),
         starts=np.zeros((1, 3)),
         true_homes=np.zeros((1, 3)),
