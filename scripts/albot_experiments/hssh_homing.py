@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.summary import summarise

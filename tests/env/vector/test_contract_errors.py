@@ -133,7 +133,8 @@ REFUSED = (
     "ObservationConfig.sonar: expected SonarGeometry or None, found a int, 3",
     "HomingConfig.outing: expected OutwardJourneyConfig, found a NoneType, None",
     "movables: expected True or False, found 'yes'",
-    "laser: expected one of none, ideal, lms-200, lms-200-fine, panoramic, long, short, found ['lms-200']",
+    "laser: expected one of none, ideal, lms-200, lms-200-fine, panoramic, long, short, "
+    "found ['lms-200']",
     "environment 0, world: expected a world, a set of worlds, or a spec of them, found {}",
     "make_vec, num_envs: expected a whole number from 1, found 2",
     "make_vec, num_envs: expected a whole number from 1, found True",
