@@ -80,6 +80,7 @@ os.environ.setdefault("RAY_AUTH_MODE", "token")
 os.environ.setdefault("RAY_AUTH_TOKEN", "0" * 64)
 os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+os.environ.setdefault("RAY_worker_niceness", "0")  # By default, they wait for all other tests.
 hypothesis.settings.register_profile(
     "albot", max_examples=50, deadline=None, derandomize="CI" in os.environ
 )

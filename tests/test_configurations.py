@@ -24,6 +24,7 @@ import albot_maps
 from albot_agents.trained.encoders import PartEncoder
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.pretrain_plan import PretrainPlan
+from albot_agents.training.sweep_plan import SearchSpace, SweepPlan
 from albot_core.errors import InputError
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import OccupancyGridLayer
@@ -41,6 +42,8 @@ EXAMPLES: tuple[Any, ...] = (
     NetworkConfig(inputs=3, layers=(4,), activation="tanh", outputs=2),
     PartEncoder(part="map_patch", kind="convolution", begin=0, shape=(1, 4, 4)),
     PretrainPlan(agent="albot1-homing"),
+    SearchSpace(low=1.0, high=2.0),
+    SweepPlan(parameters={"gamma": SearchSpace(low=0.9, high=0.99)}),
     AnswerActionConfig(most=3),
     ArrivalsObservationConfig(most=3),
     Door(hinge=(0.0, 0.0), heading=0.0, width=1.0),

@@ -22,14 +22,20 @@ from albot_cli.progress import progress
 from albot_cli.robots import robot_option
 from albot_cli.signals import STOPPED
 from albot_cli.train_seeds import seeds_as_text, train_with_seeds
+from albot_cli.train_sweep import sweep_as_text, train_sweep
 from albot_core.errors import InputError
 from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from albot_agents.training.plan import TrainingPlan
     from albot_agents.training.run_files import RunFolder
     from albot_agents.training.seed_folder import SeedFolder, SeedRun
+    from albot_agents.training.sweep_folder import SweepFolder
+
+    Sweep = tuple[SweepFolder, TrainingPlan, dict[int, SeedRun]]
 
 _EVERY = 10.0
 """Time between two progress lines (s)."""
@@ -118,6 +124,9 @@ def command(
     With --seeds, --resume FOLDER continues all runs that have not come to their end. Ctrl-C stops
     each after its update; a second one stops them at once. With --engine ray they are tasks of a
     cluster whose nodes share --out, and Ctrl-C stops all at once, with their last checkpoints.
+
+    A PLAN with a `sweep` needs --engine ray: its trials are tasks of the cluster, a run each in a
+    folder below --out, and Ray Tune ends the worse ones early.
     """
     if task is not None and (file := Path(task)).suffix in _SUFFIXES:
         if config is not None:
@@ -142,13 +151,32 @@ def command(
         is_local = engine == LOCAL
         with make_engine(engine, jobs or (1 if is_local else None), address) as made:
             result = train_with_seeds(found, runs, made, every)
-        click.echo(json.dumps(result) if as_json else seeds_as_text(result))
-        return STOPPED if result["stopped"] else 0
+        return _tell(result, seeds_as_text, as_json)
+    plan = None if resume is not None else _read_plan(task, config, seed, steps, robot)
+    if _has_trials(resume) if plan is None else plan.sweep is not None:
+        _check_sweep(engine, steps if resume is not None else None)
+        sweep = _begin_sweep(plan, out) if plan is not None else _resume_sweep(task, resume)
+        with make_engine(engine, jobs, address) as made:
+            result = train_sweep(*sweep, made, every)
+        return _tell(result, sweep_as_text, as_json)
     _check_single(jobs, engine, address)
-    folder, plan = _begin(task, config, out, resume, seed, steps, robot)
-    result = _train(folder, plan, every)
-    click.echo(json.dumps(result) if as_json else _as_text(result))
+    run = _begin(plan, out) if plan is not None else _resume(task, resume, steps)
+    return _tell(_train(*run, every), _as_text, as_json)
+
+
+def _tell(result: dict[str, Any], as_text: Callable[[dict[str, Any]], str], as_json: bool) -> int:
+    """Print the outcome; return the exit status."""
+    click.echo(json.dumps(result) if as_json else as_text(result))
     return STOPPED if result["stopped"] else 0
+
+
+def _check_sweep(engine: str, steps: int | None) -> None:
+    """Raise InputError if an option is missing that a sweep needs, or is given in vain."""
+    if engine == LOCAL:
+        raise InputError("--engine", "ray, for the trials of the plan's sweep", engine)
+    if steps is not None:
+        expected = "no such option with the --resume of a sweep, whose trials have equal ones"
+        raise InputError("--steps", expected, str(steps))
 
 
 def _check_single(jobs: int | None, engine: str, address: str | None) -> None:
@@ -208,34 +236,56 @@ def _read_plan(
     return shipped_plan(task, tried=tried, **changes)
 
 
-def _begin(
-    task: str | None,
-    config: Path | None,
-    out: Path | None,
-    resume: Path | None,
-    seed: int | None,
-    steps: int | None,
-    robot: str | None,
-) -> tuple[RunFolder, TrainingPlan]:
-    """Make or find the run's folder; return it and the plan."""
-    from albot_agents.task import find_task
-    from albot_agents.training.run_files import RunFolder, free_folder
+def _begin(plan: TrainingPlan, out: Path | None) -> tuple[RunFolder, TrainingPlan]:
+    """Make the folder of a new run; return it and the plan."""
+    from albot_agents.training.run_files import RunFolder
 
-    if resume is not None:
-        task = None if task is None else find_task(task)
-        folder = RunFolder(resume)
-        return folder, folder.resume(task, n_timesteps=steps)
-    plan = _read_plan(task, config, seed, steps, robot)
-    if out is None:
-        out = free_folder(_RUNS, plan)
-    check_folder(out)
-    if _has_seeds(out):
-        raise InputError(
-            out, f"a folder without runs (or --resume {out})", "those of several seeds"
-        )
-    folder = RunFolder(out)
+    folder = RunFolder(_new_folder(plan, out))
     folder.begin(plan, _command(sys.argv[1:]))
     return folder, plan
+
+
+def _resume(
+    task: str | None, resume: Path | None, steps: int | None
+) -> tuple[RunFolder, TrainingPlan]:
+    """Find the folder of a run; return it and its plan."""
+    from albot_agents.task import find_task
+    from albot_agents.training.run_files import RunFolder
+
+    assert resume is not None
+    folder = RunFolder(resume)
+    task = None if task is None else find_task(task)
+    return folder, folder.resume(task, n_timesteps=steps)
+
+
+def _begin_sweep(plan: TrainingPlan, out: Path | None) -> Sweep:
+    """Make the folder of a sweep; return it, its plan and the run of each trial."""
+    from albot_agents.training.sweep_folder import SweepFolder
+
+    folder = SweepFolder(_new_folder(plan, out))
+    return folder, plan, folder.begin(plan, _command(sys.argv[1:]))
+
+
+def _resume_sweep(task: str | None, resume: Path | None) -> Sweep:
+    """Find the folder of a sweep; return it, its plan and the run of each trial."""
+    from albot_agents.task import find_task
+    from albot_agents.training.sweep_folder import SweepFolder
+
+    assert resume is not None
+    folder = SweepFolder(resume)
+    return folder, *folder.resume(None if task is None else find_task(task))
+
+
+def _new_folder(plan: TrainingPlan, out: Path | None) -> Path:
+    """Return the folder for a new run, or for those of a sweep, after checking it."""
+    from albot_agents.training.run_files import free_folder
+
+    out = free_folder(_RUNS, plan) if out is None else out
+    check_folder(out)
+    if _has_seeds(out) or _has_trials(out):
+        expected = f"a folder without runs (or --resume {out})"
+        raise InputError(out, expected, "those of several seeds or trials")
+    return out
 
 
 def _check_alone(
@@ -255,6 +305,13 @@ def _has_seeds(folder: Path | None) -> bool:
     return folder is not None and SeedFolder(folder).seeds.is_file()
 
 
+def _has_trials(folder: Path | None) -> bool:
+    """Return whether a folder holds the runs of a sweep."""
+    from albot_agents.training.sweep_folder import SweepFolder
+
+    return folder is not None and SweepFolder(folder).trials.is_file()
+
+
 def _begin_seeds(
     task: str | None,
     config: Path | None,
@@ -266,7 +323,6 @@ def _begin_seeds(
 ) -> tuple[SeedFolder, dict[int, SeedRun]]:
     """Make or find the folder of several seeds; return it and the run of each seed."""
     from albot_agents.task import find_task
-    from albot_agents.training.run_files import free_folder
     from albot_agents.training.seed_folder import SeedFolder, parse_seed_list
 
     if resume is not None:
@@ -275,9 +331,9 @@ def _begin_seeds(
         return folder, folder.resume(task, n_timesteps=steps)
     chosen = parse_seed_list(seeds or "")
     plan = _read_plan(task, config, None, steps, robot)
-    out = free_folder(_RUNS, plan) if out is None else out
-    check_folder(out)
-    folder = SeedFolder(out)
+    if plan.sweep is not None:
+        raise InputError("--seeds", "no such option with a plan that has a sweep", seeds or "")
+    folder = SeedFolder(_new_folder(plan, out))
     return folder, folder.begin(plan, chosen, _command(sys.argv[1:]))
 
 

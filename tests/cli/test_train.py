@@ -13,12 +13,13 @@ from typing import Any
 
 import pytest
 
-from albot_agents.training import recent_episodes, seed_processes
+from albot_agents.training import recent_episodes, seed_processes, sweep
 from albot_agents.training.checkpoint import checkpoints
 from albot_agents.training.plan import LARGEST_SEED
 from albot_agents.training.plan_file import read_plan, shipped_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.seed_folder import SeedRun
+from albot_agents.training.sweep_folder import SweepFolder
 from albot_cli import train
 from albot_cli.main import main
 from albot_core.config_document import parameters
@@ -298,6 +299,56 @@ def test_bad_input_is_one_line(
     assert (status, out) == (2, "")
     assert found in err
     assert err.count("\n") == 1
+
+
+SWEEP = {"parameters": {"gamma": {"choices": [0.9, 0.99]}}, "trials": None, "metric": "return"}
+
+
+def _swept(folder: SweepFolder, plan: Any, runs: dict[int, SeedRun], engine: Any, to: Any) -> Any:
+    """As `run_sweep`, in this process."""
+    for number, (run, its) in runs.items():
+        TrainingRun(run, its).run()
+        to.progress((number + 1) * plan.n_timesteps, "a note")
+    folder.end(1)
+    return {}, True
+
+
+def test_a_sweep_tells_its_trials_and_goes_on(
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep, "run_sweep", _swept)
+    plan, folder = plan_file(tmp_path / "plan.yml", sweep=SWEEP), tmp_path / "out"
+    status, out, err = run("train", plan, "--out", folder)
+    assert (status, out) == (2, "")
+    assert err.endswith("--engine: expected ray, for the trials of the plan's sweep, found local\n")
+    status, _, err = run("train", plan, "--out", folder, "--seeds", "0..1")
+    assert status == 2
+    assert "--seeds: expected no such option with a plan that has a sweep" in err
+    assert not folder.exists()
+
+    status, out, err = run("train", plan, "--out", folder, "--engine", "ray")
+    assert (status, err) == (130, "")
+    assert "2 trials, stopped before the end" in out
+    assert f"continue with: albot train --resume {folder} --engine ray" in out
+    assert "64 samples, ended early" in out
+
+    status, out, _ = run("train", "--resume", folder, "--engine", "ray", "--json")
+    found = json.loads(out)
+    assert status == 130
+    assert [row["values"] for row in found["trials"]] == [{"gamma": 0.9}, {"gamma": 0.99}]
+    assert [row["ended_early"] for row in found["trials"]] == [False, True]
+    scores = [row["best"] for row in found["trials"]]
+    best = max(range(2), key=lambda k: (scores[k], -k))
+    agent = str(folder / f"trial-{best}" / "best.albot")
+    assert found["best"] == {"trial": best, "score": scores[best], "agent": agent}
+    assert Path(agent).is_file()
+
+    status, _, err = run("train", "--resume", folder, "--engine", "ray", "--steps", 100)
+    assert status == 2
+    assert "--steps: expected no such option with the --resume of a sweep" in err
+    status, _, err = run("train", plan, "--out", folder, "--engine", "ray")
+    assert status == 2
+    assert "found those of several seeds or trials" in err
 
 
 def test_the_largest_seed_trains(run: Albot, config: Path, tmp_path: Path) -> None:

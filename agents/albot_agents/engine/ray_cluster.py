@@ -226,13 +226,29 @@ def _run_remote(shared: tuple[Work[Task, Result], str, str], task: Task) -> Resu
         task: The task.
     """
     work, folder, version = shared
+    try:
+        enter_node(folder, version)
+    except InputError as error:
+        return Failure(error=error)
+    return attempt(work, task, lambda step: None)
+
+
+def enter_node(folder: str, version: str) -> None:
+    """Prepare a worker of the cluster for a task.
+
+    Args:
+        folder: The folder in which the command was called, for relative paths; on another machine,
+            it may not be there.
+        version: The version of albot-env there.
+
+    Raises:
+        InputError: This node has another version.
+    """
     if albot_env.__version__ != version:
         expected = f"albot-env {version} on all nodes, as where the command runs"
-        node = socket.gethostname()
-        return Failure(error=InputError(f"node {node}", expected, albot_env.__version__))
-    with suppress(OSError):  # On another machine, it may not be there.
+        raise InputError(f"node {socket.gethostname()}", expected, albot_env.__version__)
+    with suppress(OSError):
         os.chdir(folder)
-    return attempt(work, task, lambda step: None)
 
 
 def _check_cluster(address: str) -> None:

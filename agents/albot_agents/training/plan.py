@@ -12,6 +12,7 @@ from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.trained.encoders import LAYERS, SIZES
 from albot_agents.training.off_policy_plan import OFF_POLICY, USERS, VALUE_BASED, OffPolicyPlan
 from albot_agents.training.pretrain_plan import PretrainPlan
+from albot_agents.training.sweep_plan import SweepPlan
 from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
@@ -228,6 +229,8 @@ class TrainingPlan:
     """The stages in order; empty for a single stage without end."""
     pretrain: PretrainPlan | None = None
     """Behaviour cloning of an agent before the first sample; None to begin untrained."""
+    sweep: SweepPlan | None = None
+    """A search for the best values of some fields; None for a single training."""
     checkpoint_every: int = 500_000
     """Samples between two checkpoints."""
     seed: int = 0
@@ -268,6 +271,8 @@ class TrainingPlan:
             self._check_off_policy()
         else:
             self._check_rollout()
+        if self.sweep is not None:
+            self._check_sweep(self.sweep)
         if any(stage.for_steps is stage.until_success is None for stage in self.curriculum[:-1]):
             expected = "for_steps or until_success in all stages but the last"
             raise InputError("TrainingPlan.curriculum", expected, "a stage with neither")
@@ -299,6 +304,14 @@ class TrainingPlan:
         expected = f"{wanted}, the default, because {chosen} does not use it"
         more = f" (and also {', '.join(other for other, *_ in others)})" if others else ""
         raise InputError(f"TrainingPlan.{top}", expected, f"{value}{more}")
+
+    def _check_sweep(self, sweep: SweepPlan) -> None:
+        """Raise InputError if no evaluation can tell which trial is the best."""
+        if self.evaluation is None:
+            raise InputError("TrainingPlan.sweep", "null without evaluations", "a search")
+        if sweep.grace is not None and sweep.grace > self.n_timesteps:
+            expected = f"a grace of at most n_timesteps, {self.n_timesteps}"
+            raise InputError("TrainingPlan.sweep", expected, str(sweep.grace))
 
     def _check_rollout(self) -> None:
         """Raise InputError unless the samples between two updates fit memory and batches."""

@@ -167,11 +167,26 @@ def _plan(
         if not saved:
             plan.check_unused_fields()
     if tried:
-        check_device(plan, where)
-        batch = _check_environments(plan, where)
-        if plan.pretrain is not None and not pretrained:
-            _check_pretraining(plan, plan.pretrain, batch, where)
+        try_plan(plan, where, pretrained=pretrained)
     return plan
+
+
+def try_plan(plan: TrainingPlan, where: Location, *, pretrained: bool = False) -> None:
+    """Check what a plan's settings are for, by making its environments once.
+
+    Args:
+        plan: The plan.
+        where: Location of the plan, for errors.
+        pretrained: As for `read_plan`.
+
+    Raises:
+        InputError: Settings are invalid, or the learner cannot work with them, or the plan requests
+            a GPU where there is none.
+    """
+    check_device(plan, where)
+    batch = _check_environments(plan, where)
+    if plan.pretrain is not None and not pretrained:
+        _check_pretraining(plan, plan.pretrain, batch, where)
 
 
 def _check_environments(plan: TrainingPlan, where: Location) -> Any:

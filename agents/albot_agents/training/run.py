@@ -156,6 +156,11 @@ class TrainingRun:
             self.close()
         return self._result(stopped)
 
+    @property
+    def evaluated(self) -> dict[str, list[float]]:
+        """The evaluations so far, as `Evaluations.curve`; empty if the plan has none."""
+        return {} if self._evaluations is None else self._evaluations.curve
+
     def close(self) -> None:
         """Close the environments; `run` calls it."""
         self._curriculum.close()
