@@ -192,7 +192,8 @@ def command(
     settings |= _task_settings(task, config, outward)
     place = None if minari is None else _dataset_place(minari, force)
     if out is not None:
-        check_folder(out, (_FIGURES, _PICTURE, _EPISODES), force=force)
+        # A run that goes on may have written there what it had.
+        check_folder(out, (_FIGURES, _PICTURE, _EPISODES), force=force or resume is not None)
     chosen = {name: _settings(task, name, settings, mapper_config) for name in agents}
     trials = {
         name: plan_trials(task, name, worlds, parse_seeds(seeds), its)

@@ -75,11 +75,10 @@ def _result(
     rows = []
     for number, (run, _) in runs.items():
         curve = folder.curve(number)
-        scores = curve.get(plan.sweep.metric) or [None]
+        scores = curve.get(plan.sweep.metric, [])
         row = {"trial": number, "folder": str(run.path), "values": dict(folder.values[number])}
-        known = [score for score in scores if score is not None]
         row |= {"samples": int((curve.get("samples") or [0])[-1])}
-        row |= {"best": max(known, default=None), "last": scores[-1]}
+        row |= {"best": max(scores, default=None), "last": scores[-1] if scores else None}
         rows.append(row | {"ended_early": number in folder.ended})
     best = folder.best(plan.sweep.metric)
     return {

@@ -35,16 +35,16 @@ from albot_agents.benchmark import folder as results_folder
 from albot_agents.benchmark.protocol import find_protocol
 from albot_agents.engine import local
 from albot_agents.engine.engine import Done, Result, Task, Work
+from albot_agents.engine.rows import MANIFEST, Row, RowsFolder
 from albot_cli.main import main
-from albot_env.recording.episode import Moment
 from albot_env.recording.writer import EpisodeWriter
-from albot_reliability.left_files import BrokenPromiseError, check_quiet, check_run
+from albot_reliability.left_files import BrokenPromiseError, check_quiet, check_run, rows_of
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 600.0
 """A run that continues for this time (s) after its signal hangs; a busy machine delays it."""
-RESUMED = 0.1
-"""Share of trainings that are resumed afterwards, and trained to their end."""
+RESUMED = {"train": 0.1, "stress": 0.5, "evaluate": 0.5}
+"""Share of the runs of these commands that are resumed afterwards, to their end."""
 EARLY = 1.5
 """New processes are interrupted within this time from their start (s)."""
 
@@ -75,10 +75,12 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "play": ("--headless", "--world", "square-loop", "--mapper", "odometry", "--steps", "60"),
     "train": ("--config", "plan.yml", "--out", "run"),
     "evaluate": ("Albot/Explore-v0", "--agent", "gap-explorer", "--mapper", "none", *_STEPS,
-                 "--seeds", "1..4", "--out", "out"),
+                 "--seeds", "1..4", "--out", "out", "--rows", "rows"),
     "results": ("--out", "results", "--agent", "random", "--odometer", "pioneer",
                 "--episodes", "2", "--jobs", "2"),
-    "stress": (*_STEPS, "--count", "4", "--agent", "gap-explorer", "--json"),
+    # Three jobs, so that there are rows before the end.
+    "stress": ("--worlds", "square-loop", "--steps", "4", "--jobs", "2", "--count", "140",
+               "--agent", "gap-explorer", "--json", "--rows", "rows"),
 }  # fmt: skip
 """The arguments of each subcommand."""
 OTHERS = ("mappers", "agents list", "worlds list", "map --help", "experiment list", "bench --help")
@@ -96,7 +98,9 @@ class Run:
     after: float
     """The time of the signal, from the run's start (s)."""
     resumed: bool = False
-    """Whether a training is resumed afterwards."""
+    """Whether it is resumed afterwards."""
+    rows: Sequence[Row] = ()
+    """The rows that it would have written, not interrupted."""
     ended: bool = False
     """Whether the run was over before the signal came."""
     problem: str = ""
@@ -105,8 +109,8 @@ class Run:
     """Other counts."""
 
 
-def prepare() -> dict[str, float]:
-    """Import and load everything; return the duration of each command (s)."""
+def prepare() -> dict[str, tuple[float, list[Row]]]:
+    """Import and load everything; return duration (s) and rows of each command."""
     import torch
 
     torch.set_num_threads(1)
@@ -120,13 +124,14 @@ def prepare() -> dict[str, float]:
     short = replace(protocol, tasks=tasks)
     vars(results_folder)["find_protocol"] = lambda version: short
     _load()
-    lengths = {}
+    whole = {}
     for command, words in COMMANDS.items():
         with _folder() as folder:
             began = time.monotonic()
             _call(("albot", command, *words), folder)
-            lengths[command] = time.monotonic() - began
-    return lengths
+            seconds = time.monotonic() - began
+            whole[command] = seconds, rows_of(command, folder / "rows")
+    return whole
 
 
 def _load() -> None:
@@ -137,14 +142,13 @@ def _load() -> None:
     from albot_cli.group import albot
 
     with (
-        _folder() as folder,
-        chdir(folder),
         patch.object(local.LocalEngine, "run", _run_here),
         # After torch has computed gradients in a process, it cannot do so in a forked child.
         patch.object(PPO, "train", lambda self: None),
     ):
         for command, words in COMMANDS.items():
-            CliRunner().invoke(albot, [command, *words], catch_exceptions=False)
+            with _folder() as folder, chdir(folder):
+                CliRunner().invoke(albot, [command, *words], catch_exceptions=False)
     gc.freeze()  # Objects that the collector never visits are never copied into a child.
 
 
@@ -156,18 +160,21 @@ def _run_here(
 
 
 def forked_runs(
-    lengths: Mapping[str, float], count: int, numbers: Sequence[int], jobs: int
+    whole: Mapping[str, tuple[float, Sequence[Row]]],
+    count: int,
+    numbers: Sequence[int],
+    jobs: int,
 ) -> Iterator[Run]:
     """Run the commands in turn, until `count` runs were still going on when their signal came.
 
     Args:
-        lengths: Duration of each command (s).
+        whole: Duration (s) and rows of each command, not interrupted.
         count: Number of runs.
         numbers: The signals, of which each run gets one.
         jobs: Number of runs at a time.
     """
     rng = random.Random(sum(numbers))
-    commands = cycle(lengths.items())
+    commands = cycle(whole.items())
     with ProcessPoolExecutor(jobs, mp_context=_FORKING) as pool:
         while count > 0:
             wanted = [
@@ -175,9 +182,10 @@ def forked_runs(
                     words=(command, *COMMANDS[command]),
                     number=rng.choice(numbers),
                     after=rng.uniform(0, length),
-                    resumed=command == "train" and rng.random() < RESUMED,
+                    resumed=rng.random() < RESUMED.get(command, 0.0),
+                    rows=rows,
                 )
-                for command, length in islice(commands, count)
+                for command, (length, rows) in islice(commands, count)
             ]
             for run in pool.map(_run_forked, wanted):
                 count -= not run.ended
@@ -247,15 +255,35 @@ def _interrupted(run: Run, folder: Path, child: int, moments: mmap.mmap | None) 
         facts = check_quiet(folder, status, run.number)
         written = None if moments is None else int.from_bytes(moments[:8], "little")
         facts |= check_run(run.words[0], folder, run.number == signal.SIGKILL, written)
-        if run.resumed and (folder / "run" / "config.yml").exists():
-            _call(("albot", "train", "--resume", "run"), folder)
-            facts["resumed"] = 1
+        if run.resumed:
+            facts["resumed"] = _resume(run, folder)
         return replace(run, facts=facts)
     except BrokenPromiseError as broken:
         return replace(run, problem=str(broken))
     finally:
         with suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)
+
+
+def _resume(run: Run, folder: Path) -> int:
+    """Resume a run; return 1, or 0 if it had not begun its folder."""
+    command = run.words[0]
+    if command == "train":
+        if not (folder / "run" / "config.yml").exists():
+            return 0
+        _call(("albot", "train", "--resume", "run"), folder)
+        return 1
+    rows = folder / "rows"
+    if not (rows / MANIFEST).exists():
+        return 0
+    before = rows_of(command, rows)
+    _call(("albot", command, "--resume", "rows"), folder)
+    after = rows_of(command, rows)
+    if after != list(run.rows):
+        raise BrokenPromiseError(f"resumed to other rows: {after}")
+    if any(row not in after for row in before):
+        raise BrokenPromiseError("rows lost by resuming")
+    return 1
 
 
 def _wait(child: int, seconds: float) -> int | None:
@@ -309,7 +337,7 @@ def _be_child(words: Sequence[str], folder: Path, moments: mmap.mmap | None) -> 
         sys.stdin, sys.stdout, sys.stderr = open(0), open(1, "w"), open(2, "w")  # noqa: SIM115
         sys.argv = list(words)
         if moments is not None:
-            _count_moments(moments)
+            _count_written(moments, words[1])
         _hear_signals()
         faulthandler.register(signal.SIGUSR1)
         if moments is not None:
@@ -333,16 +361,17 @@ def _hear_signals() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _count_moments(counter: mmap.mmap) -> None:
-    """Make recorders count the moments that they are given."""
-    whole = EpisodeWriter.add
+def _count_written(counter: mmap.mmap, command: str) -> None:
+    """Count the moments that the recorder of `play` is given; with other commands, the rows."""
+    kind: Any = EpisodeWriter if command == "play" else RowsFolder
+    write = kind.add
 
-    def add(self: EpisodeWriter, moment: Moment) -> None:
-        whole(self, moment)
+    def add(self: Any, *arguments: Any) -> None:
+        write(self, *arguments)
         count = int.from_bytes(counter[:8], "little") + 1
         counter[:8] = count.to_bytes(8, "little")
 
-    EpisodeWriter.add = add  # type: ignore[method-assign]
+    kind.add = add
 
 
 @contextmanager

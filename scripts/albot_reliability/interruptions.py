@@ -21,6 +21,7 @@ from albot_reliability.interrupted_runs import (
     EARLY,
     INTERRUPTS,
     OTHERS,
+    RESUMED,
     Run,
     forked_runs,
     fresh_runs,
@@ -40,18 +41,19 @@ Tally = Mapping[str, Mapping[str, Counter[str]]]
 def measure(share: float, jobs: int) -> dict[str, Any]:
     """Interrupt and kill the command at random moments; return the counts, by kind and command."""
     forked, fresh = (max(1, round(share * count)) for count in (FORKED, FRESH))
-    lengths = prepare()
+    whole = prepare()
     found: dict[str, dict[str, Counter[str]]] = {kind: {} for kind in _KINDS}
     problems: list[str] = []
     with progress("reliability", 2 * (forked + fresh), "runs") as update:
         for kind, numbers in _KINDS.items():
             every = chain(
-                fresh_runs(fresh, numbers, jobs), forked_runs(lengths, forked, numbers, jobs)
+                fresh_runs(fresh, numbers, jobs), forked_runs(whole, forked, numbers, jobs)
             )
             for run in every:
                 _count(run, found[kind].setdefault(run.words[0], Counter()), problems)
                 update(sum(each["runs"] for kinds in found.values() for each in kinds.values()))
-    return {"found": found, "problems": problems, "seconds": lengths, "fresh": fresh}
+    seconds = {command: length for command, (length, _) in whole.items()}
+    return {"found": found, "problems": problems, "seconds": seconds, "fresh": fresh}
 
 
 def _count(run: Run, tally: Counter[str], problems: list[str]) -> None:
@@ -79,8 +81,9 @@ def render(figures: Mapping[str, Any]) -> Iterable[str]:
         f"{EARLY:g} s, other subcommands among them; the others began with everything loaded.",
         "",
         "| | interrupts | kills | files found whole | most moments lost to an interrupt, "
-        "a kill | torn episodes played | temporary files left by kills | resumed to the end |",
-        "|---|---|---|---|---|---|---|---|",
+        "a kill | torn episodes played | rows kept | temporary files left by kills | "
+        "resumed to the end |",
+        "|---|---|---|---|---|---|---|---|---|",
     )
     for command in (*COMMANDS, *sorted({line.split()[0] for line in OTHERS})):
         interrupts, kills = (Counter(found[kind].get(command, {})) for kind in _KINDS)
@@ -93,8 +96,9 @@ def render(figures: Mapping[str, Any]) -> Iterable[str]:
             str(both["files"]),
             f"{interrupts['lost']}, {kills['lost']}" if is_play else "",
             str(both["torn"]) if is_play else "",
+            str(both["rows"]) if command in ("stress", "evaluate") else "",
             str(kills["left"]),
-            str(both["resumed"]) if command == "train" else "",
+            str(both["resumed"]) if command in RESUMED else "",
         )
         yield f"| {' | '.join(cells)} |"
     early = sum(each.get("before us", 0) for each in found["interrupts"].values())
@@ -119,6 +123,8 @@ What is promised, and was checked after each run:
   a killed process lacks its end: at most the last {CHUNK_MOMENTS - 1} moments, less than a second
   of the robot's time. `albot play` plays it up to its last complete chunk, and says so.
 - **A training goes on** with `--resume` from its last checkpoint.
+- **A campaign or an evaluation goes on** with `--resume` from its rows: each that was written is
+  there, and in the end the rows are the same, to the bit, as of a run that nobody interrupted.
 - **A benchmark goes on** with the same `albot results`, from the last episodes that were kept.
 - **An interrupt leaves nothing behind**: no temporary files, no processes. A killed process cannot
   tidy up: a hidden file `.NAME.…` may stay beside its place (`--resume` clears away those of a

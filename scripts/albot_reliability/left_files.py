@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from albot_agents.benchmark.folder import ResultsFolder
+from albot_agents.engine.rows import NUMBER, Row, read_rows
+from albot_agents.evaluation import outcome_rows
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.checkpoint import checkpoints, read_checkpoint
 from albot_agents.training.plan_file import read_plan
@@ -16,9 +18,14 @@ from albot_agents.training.run_files import RunFolder
 from albot_core.errors import InputError
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import CHUNK_MOMENTS
+from albot_stress import rows as stress_rows
 
 OURS = {".out", ".err", ".tmp", "plan.yml"}
 """Files that were in the folder before, and the run's output."""
+
+
+_COLUMNS = {"evaluate": outcome_rows.COLUMNS, "stress": stress_rows.COLUMNS}
+"""Columns of the rows of each command that keeps some."""
 
 
 class BrokenPromiseError(Exception):
@@ -49,10 +56,11 @@ def check_run(command: str, folder: Path, killed: bool, moments: int | None) -> 
         command: The subcommand.
         folder: The folder in which it ran.
         killed: Whether it was killed, and could not tidy up.
-        moments: Number of moments that an episode's recorder was given, if known.
+        moments: Number of moments that an episode's recorder was given, or of rows that were
+            written, if known.
 
     Returns:
-        The counts: whole files, temporary files left behind, moments lost.
+        The counts: whole files, temporary files left behind, moments lost, rows kept.
     """
     hidden = [path for path in folder.rglob("*") if path.name.startswith(".")]
     left = [path for path in (*hidden, *(folder / ".tmp").iterdir()) if path.name not in OURS]
@@ -119,7 +127,7 @@ def _check_evaluate(folder: Path, killed: bool, moments: int | None) -> dict[str
         json.loads(figures.read_text())["success_rate"]
     elif said:
         raise BrokenPromiseError("figures told and not written")
-    return {}
+    return _check_rows("evaluate", folder, moments)
 
 
 def _check_results(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
@@ -139,7 +147,31 @@ def _check_stress(folder: Path, killed: bool, moments: int | None) -> dict[str, 
     said = (folder / ".out").read_text()
     if said and json.loads(said)["violations"]:
         raise BrokenPromiseError("violations")
-    return {}
+    return _check_rows("stress", folder, moments)
+
+
+def _check_rows(command: str, folder: Path, written: int | None) -> dict[str, int]:
+    """Check that each row is there that was written before the signal."""
+    kept = len(rows_of(command, folder / "rows"))
+    if kept < (written or 0):
+        raise BrokenPromiseError(f"{written} rows written, and {kept} kept")
+    return {"rows": kept}
+
+
+def rows_of(command: str, folder: Path) -> list[Row]:
+    """Return the rows of a run in order, each once; none if the folder is not there.
+
+    Args:
+        command: The subcommand.
+        folder: The folder of its rows.
+
+    Raises:
+        InputError: A file is damaged.
+    """
+    if command not in _COLUMNS or not folder.is_dir():
+        return []
+    rows = {row[NUMBER]: row for row in read_rows(folder, _COLUMNS[command])}
+    return [rows[number] for number in sorted(rows)]
 
 
 _CHECKS: Mapping[str, Callable[[Path, bool, int | None], dict[str, int]]] = {

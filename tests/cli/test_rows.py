@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -39,19 +40,23 @@ def test_an_evaluation_goes_on_where_it_was_stopped(
     tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch, batch: str
 ) -> None:
     """In batches or not: the figures are those of a run that was not stopped."""
-    words = (*EVALUATE, "--batch", batch)
+    words = (*EVALUATE, "--batch", batch, "--out", tmp_path / "out")
     monkeypatch.setattr(choice, "make_engine", lambda *_, **__: InlineEngine(backwards=True))
     whole = figures(call(*words, "--rows", tmp_path / "whole"))
+    shutil.rmtree(tmp_path / "out")
     monkeypatch.setattr(choice, "make_engine", lambda *_, **__: stopping_after(3))
     rows = tmp_path / "rows"
     stopped = call(*words, "--rows", rows)
     assert stopped.return_value == 130
+    written = json.loads((tmp_path / "out/evaluation.json").read_text())
+    assert 0 < written["episodes"] < whole["episodes"]
     run: list[Any] = []
     monkeypatch.setattr(choice, "make_engine", lambda *_, **__: InlineEngine(run.append))
     resumed = figures(call("evaluate", "--resume", rows, "--json"))
     episodes = [each for task in run for each in (task if isinstance(task, list) else [task])]
     assert len(episodes) == 8 - 3 * int(batch)
     assert comparable(resumed | {"rows": ""}) == comparable(whole | {"rows": ""})
+    assert json.loads((tmp_path / "out/evaluation.json").read_text())["episodes"] == 4
     run.clear()
     call("evaluate", "--resume", rows, "--json")
     assert not run

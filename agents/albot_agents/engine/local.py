@@ -10,10 +10,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 import threading
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -30,6 +32,7 @@ from albot_agents.engine.engine import (
     attempt,
     judge,
 )
+from albot_core.files import scratch_folder
 from albot_core.interrupts import INTERRUPTS, interrupts_deferred
 
 CONTEXT = get_context("spawn")
@@ -58,12 +61,23 @@ class LocalEngine(Engine):
         self, work: Work[Task, Result], tasks: Iterable[Task], *, fresh: bool = False
     ) -> Generator[Done[Task, Result], None, None]:
         """Run tasks; see `Engine.run`."""
+        # A process that is killed tidies nothing up, so this one does.
+        with scratch_folder() as scratch:
+            yield from self._run(partial(_Worker, work, str(scratch)), tasks, fresh)
+
+    def _run(
+        self,
+        begin: Callable[[_Attempt[Task]], _Worker[Task, Result]],
+        tasks: Iterable[Task],
+        fresh: bool,
+    ) -> Generator[Done[Task, Result], None, None]:
+        """Run tasks in workers; `begin` starts one with its first task."""
         waiting = (_Attempt(number, task) for number, task in enumerate(tasks))
         workers: list[_Worker[Task, Result]] = []
         try:
             for first in islice(waiting, self.processes):
                 with interrupts_deferred():  # Otherwise an unknown worker could keep running.
-                    workers.append(_Worker(work, first))
+                    workers.append(begin(first))
             while workers:
                 ready = wait([worker.link for worker in workers])
                 for worker in [worker for worker in workers if worker.link in ready]:
@@ -98,14 +112,15 @@ class _Worker(Generic[Task, Result]):
 
     Args:
         work: Runs each task.
+        scratch: The folder for temporary files.
         first: The first task.
     """
 
-    def __init__(self, work: Work[Task, Result], first: _Attempt[Task]) -> None:
-        self._work = work
+    def __init__(self, work: Work[Task, Result], scratch: str, first: _Attempt[Task]) -> None:
+        self._work, self._scratch = work, scratch
         self.link, other = CONTEXT.Pipe()
         self._step = CONTEXT.RawValue("q", 0)
-        arguments = (work, other, self._step)
+        arguments = (work, scratch, other, self._step)
         self._process = CONTEXT.Process(target=_serve, args=arguments, daemon=True)
         with interrupts_blocked():
             self._process.start()
@@ -133,7 +148,7 @@ class _Worker(Generic[Task, Result]):
                 self._send(following)
                 return self
         self.end()
-        return _Worker(self._work, following)
+        return _Worker(self._work, self._scratch, following)
 
     def receive(self) -> Done[Task, Result] | None:
         """Wait for the task to end; return None if the process died and it is to be run again.
@@ -167,8 +182,9 @@ def _ending(status: int) -> str:
     return f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
 
 
-def _serve(work: Work[Any, Any], link: Connection, step: Any) -> None:
+def _serve(work: Work[Any, Any], scratch: str, link: Connection, step: Any) -> None:
     """Run, in the worker process, the tasks that arrive through the link until it closes."""
+    tempfile.tempdir = scratch
     threading.Thread(target=_die_with_parent, daemon=True).start()
 
     def on_step(number: int) -> None:

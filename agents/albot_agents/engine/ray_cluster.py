@@ -124,6 +124,8 @@ class RayEngine(Engine):
         variables = {
             name: value for name, value in os.environ.items() if name.startswith(_FORWARDED)
         }
+        if self._folder is not None:  # What a killed worker leaves is removed with it.
+            variables["TMPDIR"] = str(self._folder)
         with _handlers_kept():
             try:
                 ray.init(

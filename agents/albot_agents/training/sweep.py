@@ -172,7 +172,8 @@ def _scheduler(sweep: SweepPlan, plan: TrainingPlan) -> Any:
         )
     if sweep.scheduler == "median":
         return schedulers.MedianStoppingRule(time_attr="samples", grace_period=grace)
-    return schedulers.FIFOScheduler()
+    fifo: Any = schedulers.FIFOScheduler
+    return fifo()
 
 
 def _callback(folder: SweepFolder, plan: TrainingPlan, reporter: Reporter) -> Any:

@@ -6,6 +6,7 @@ import errno
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -112,6 +113,26 @@ def test_a_bug_is_not_tried_again_and_tells_its_place() -> None:
     assert "raise kind()" in crash.details
     with pytest.raises(RuntimeError, match=r"(?s)^one, step 7: KeyError.*Traceback"):
         done[1].required("one")
+
+
+def leaving_files(task: int, on_step: OnStep, /) -> str:
+    """Makes a temporary folder, and never comes to remove it."""
+    folder = tempfile.mkdtemp()
+    if task:
+        signal.pause()
+    return folder
+
+
+def test_nothing_is_left_of_a_process_that_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    results = LocalEngine(2).run(leaving_files, range(2))
+    left = Path(next(results).required("one"))
+    assert left.is_dir()
+    assert left.is_relative_to(tmp_path)
+    results.close()
+    assert not list(tmp_path.iterdir())
 
 
 def test_closing_ends_all_processes_and_takes_no_more_tasks() -> None:
