@@ -99,17 +99,17 @@ def list_experiments(as_json: bool) -> None:
 @click.option(
     "--agent",
     shell_complete=completion.agent_names,
-    help="In a probe: the only agent beside the oracle.",
+    help="In a probe of agents: the only agent beside the oracle.",
 )
 @click.option(
     "--mapper",
     shell_complete=completion.robots_mapper_names,
-    help="In a probe: the agents' mapper.  [default: each agent's own]",
+    help="In a probe of agents: the agents' mapper.  [default: each agent's own]",
 )
 @click.option(
     "--odometer",
     shell_complete=completion.odometer_names,
-    help="In a probe: the odometer.  [default: pioneer]",
+    help="In a probe of agents: the odometer.  [default: pioneer]",
 )
 @engine_options
 @figure_options("its picture (FILE-NAME for each of several)")
@@ -127,8 +127,9 @@ def run_experiment(
 ) -> None:
     """Run the experiment ID, or all; `albot experiment list` names them.
 
-    Probes, whose IDs begin with probe-, test agents in a scene in which animals or people were.
-    Their episodes run in parallel; all other experiments run in one process.
+    Probes, whose IDs begin with probe-, repeat tests of animals and people. Most test agents, and
+    run their episodes in parallel; probe-pointing, probe-jrd and probe-axes ask mappers. These and
+    all other experiments run in one process.
     """
     from albot_agents.evaluation.plan import parse_seeds  # slow to load
 

@@ -28,9 +28,10 @@ class Experiment:
     seeds: int
     """Default number of seeds."""
     module: str
-    """The module with its `run(seeds, progress)`, or of a probe `run(task, seeds, progress)`."""
+    """The module with its `run(seeds, progress)`, or `run(task, seeds, progress)` of a probe of
+    agents."""
     task: str = ""
-    """Id of a probe's environment, in which agents are tested; empty for other experiments."""
+    """Id of the environment of a probe of agents; empty for other experiments."""
     needs_data: bool = False
     """Whether it reads real logs."""
 
@@ -56,16 +57,16 @@ class Experiment:
         Args:
             seeds: The seeds.
             progress: Called with the number of seeds done.
-            engine: Runs the episodes of a probe; None for processes, one a core. All else runs in
-                this process.
-            options: `agent`, `mapper` and `odometer` of a probe.
+            engine: Runs the episodes of a probe of agents; None for processes, one a core. All else
+                runs in this process.
+            options: `agent`, `mapper` and `odometer` of a probe of agents.
 
         Raises:
-            InputError: Options are given, but it is no probe; or as the experiment says.
+            InputError: Options are given, but it is no probe of agents; or as the experiment says.
         """
         if options and not self.task:
             probes = ", ".join(name for name, each in EXPERIMENTS.items() if each.task)
-            raise InputError(f"--{next(iter(options))}", f"a probe: {probes}", self.id)
+            raise InputError(f"--{next(iter(options))}", f"a probe of agents: {probes}", self.id)
         run = importlib.import_module(self.module).run
         if not self.task:
             report: Report = run(seeds, progress)
@@ -289,6 +290,24 @@ EXPERIMENTS = {
             seeds=40,
             module="albot_experiments.probes",
             task="Albot/Probe-HiddenGoal-v0",
+        ),
+        Experiment(
+            id="probe-pointing",
+            title="Pointing before and after disorientation (Wang and Spelke 2000)",
+            seeds=40,
+            module="albot_experiments.probe_pointing",
+        ),
+        Experiment(
+            id="probe-jrd",
+            title="Judgements of relative direction (Waller and Hodgson 2006)",
+            seeds=40,
+            module="albot_experiments.probe_jrd",
+        ),
+        Experiment(
+            id="probe-axes",
+            title="Imagined headings along and across an intrinsic axis (Mou and McNamara 2002)",
+            seeds=40,
+            module="albot_experiments.probe_axes",
         ),
     )
 }

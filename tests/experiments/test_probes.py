@@ -90,5 +90,5 @@ def test_what_is_no_agent_for_a_probe_is_refused() -> None:
         probes.run(DETOUR, range(1), agent="map-homing", mapper="albot2")
     with pytest.raises(InputError, match="at least one seed"):
         probes.run(DETOUR, range(0))
-    with pytest.raises(InputError, match="--agent: expected a probe: probe-triangle-completion"):
+    with pytest.raises(InputError, match="--agent: expected a probe of agents: probe-tri"):
         EXPERIMENTS["albot1-e1"].run(range(1), lambda done: None, agent="oracle")
