@@ -444,9 +444,8 @@ def command(
     """Let robots localise themselves in saved maps, and count who is right."""
     found: dict[str, Any]
     if logs is not None:
-        found = {"rows": _measure_logs(logs, mappers)}
+        found = {"rows": _measure_logs(logs, mappers, out)}
         text = logs_table(found["rows"])
-        _write(out, found)
     else:
         specs = list(named) or [worlds.replace("SEED", str(seed)) for seed in parse_seeds(seeds)]
         methods = METHODS if baselines else METHODS[:1]
@@ -470,12 +469,13 @@ def _write(out: Path | None, found: dict[str, Any]) -> None:
         write_text(out, json.dumps(found, indent=1) + "\n")
 
 
-def _measure_logs(folder: Path, mappers: Sequence[str]) -> list[dict[str, Any]]:
-    rows = []
+def _measure_logs(folder: Path, mappers: Sequence[str], out: Path | None) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
     with progress("saved maps", len(LOGS) * len(mappers), "drives") as update:
         for name, (first, second) in LOGS.items():
             for mapper in mappers:
                 other = None if second is None else folder / second
                 rows.append(measure_log(name, folder / first, mapper, other))
+                _write(out, {"rows": rows})
                 update(len(rows))
     return rows
