@@ -176,6 +176,12 @@ EXPERIMENTS = {
             needs_data=True,
         ),
         Experiment(
+            id="fastslam-consistency",
+            title="FastSLAM's error against the uncertainty that it believes in (Bailey 2006)",
+            seeds=50,
+            module="albot_experiments.fastslam_consistency",
+        ),
+        Experiment(
             id="hssh-gateways",
             title="HSSH's gateways on real floor plans, beside their doors (Beeson et al. 2010)",
             seeds=5,
