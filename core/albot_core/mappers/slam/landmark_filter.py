@@ -272,7 +272,7 @@ def update_landmarks(
                 landmarks[k, n, X], landmarks[k, n, Y] = x, y
                 landmarks[k, n, XX], landmarks[k, n, XY], landmarks[k, n, YY] = gxx, gxy, gyy
                 counts[k] += 1
-    return refused
+    return int(refused)
 
 
 @kernel()
