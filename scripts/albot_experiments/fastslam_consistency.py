@@ -40,6 +40,8 @@ GATE, NEW_LANDMARK = 13.8, 1e-4
 here, other than in a building, nothing is seen that is no landmark."""
 SHARE = 0.95
 """Probability of the chi-square interval."""
+BEFORE, AFTER = 0.8, 1.1
+"""When the particles' paths are drawn: before the first loop is closed and after it (laps)."""
 _LAP = round(2.0 * math.pi * RADIUS / STEP)
 """Number of steps of a lap."""
 
@@ -105,6 +107,10 @@ class Drive:
     """Ranges (m) and bearings (rad) of the landmarks in view, at each pose."""
 
 
+ParticlePoses = Float64[np.ndarray, "_ _ 3"]
+"""The path of each particle: (particles, steps, 3)."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Belief:
     """What a filter believed on a drive."""
@@ -119,6 +125,8 @@ class Belief:
     """The best particle's landmarks at the end."""
     path: Float64[np.ndarray, "steps 3"]
     """The mean poses."""
+    loop: tuple[ParticlePoses, ParticlePoses]
+    """The paths of all particles at `BEFORE` and at `AFTER`."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
@@ -197,13 +205,14 @@ def believe(journey: Drive, variant: Variant, seed: int) -> Belief:
         new_landmark=NEW_LANDMARK,
     )
     particles, rng = LandmarkParticles(config), np.random.default_rng((seed, 1))
-    nees, errors, path = [], [], []
+    nees, errors, path, loop = [], [], [], []
     for k, (true, seen) in enumerate(zip(journey.truth, journey.seen, strict=True)):
         particles.observe(as_points(seen, variant.noise))
         if k:
             noise = rng.standard_normal((variant.particles, 3))
             particles.move_and_weigh(journey.motions[k - 1], MOTION_NOISE, noise)
         particles.update_landmarks()
+        particles.remember()
         weights = particles.weights()
         if k:
             mean, spread = moments(particles.poses, weights)
@@ -214,12 +223,16 @@ def believe(journey: Drive, variant: Variant, seed: int) -> Belief:
             path.append(mean)
         if 1.0 / np.sum(weights**2) < config.resample_below * variant.particles:
             particles.resample(weights, rng)
+        if k in (round(BEFORE * _LAP), round(AFTER * _LAP)):
+            loop.append(np.array([particles.trajectory(n) for n in range(variant.particles)]))
+    before, after = loop
     return Belief(
         nees=np.array(nees),
         errors=np.array(errors),
         poses=particles.poses.copy(),
         landmarks=particles.landmarks_of(particles.best),
         path=np.array(path),
+        loop=(before, after),
     )
 
 
@@ -274,6 +287,7 @@ def report(beliefs: Mapping[str, Sequence[Belief]], first: Drive, seeds: range) 
     is_optimistic = all(float(nees[-_LAP:].mean()) > high for nees in curves.values())
     ways = [consistent_way(curves[name], high) for name in (FEW, OURS, MORE, MOST)]
     is_longer = ways == sorted(ways) and ways[0] < ways[-1]
+    histories = np.array([[_histories(paths) for paths in b.loop] for b in beliefs[OURS]])
     found = {
         "consistent_at_first": at_first[MOST],
         "optimistic_in_the_end": is_optimistic,
@@ -281,6 +295,8 @@ def report(beliefs: Mapping[str, Sequence[Belief]], first: Drive, seeds: range) 
     }
     measured: dict[str, Figures] = {
         **found,
+        "histories_before": round(float(histories[:, 0].mean()), 1),
+        "histories_after": round(float(histories[:, 1].mean()), 1),
         "interval_low": round(low, 2),
         "interval_high": round(high, 2),
         "seeds": len(seeds),
@@ -296,8 +312,16 @@ def report(beliefs: Mapping[str, Sequence[Belief]], first: Drive, seeds: range) 
         verdicts={MOST: holds, OURS: at_first[OURS], WRONG: at_first[WRONG]},
         conditions=CONDITIONS,
         text=_text(seeds, low, high),
-        pictures={"nees": _picture(curves, (low, high), first, beliefs[OURS][0])},
+        pictures={
+            "nees": _picture(curves, (low, high), first, beliefs[OURS][0]),
+            "loop": _loop_picture(first, beliefs[OURS][0]),
+        },
     )
+
+
+def _histories(paths: ParticlePoses) -> int:
+    """Return how many different poses the particles have for the time of a tenth of a lap."""
+    return len(np.unique(paths[:, round(0.1 * _LAP)], axis=0))
 
 
 def _text(seeds: range, low: float, high: float) -> str:
@@ -315,6 +339,11 @@ be consistent in the short term, and is always optimistic in the long term, with
 particles: each resampling takes histories from the particles for good. `nees_first` is over the
 first {FIRST:g} m, `nees_last_lap` over the last lap, and `consistent_m` the way after which the
 mean NEES has left the interval upwards for good.
+
+The second picture is as the thesis's figure 2.8 (after Hähnel et al. 2003): the paths of all
+{VARIANTS[OURS].particles} particles shortly before the first loop is closed, and shortly after.
+`histories_before` and `histories_after` say how many different poses they then have for the time of
+a tenth of the first lap, in the mean over all seeds.
 
 Reached where {VARIANTS[MOST].particles} particles are within the interval over the first
 {FIRST:g} m, all filters are above it in the last lap, and the more particles there are, the longer
@@ -347,6 +376,29 @@ def _picture(
     right.set(yscale="log", xlabel="way (m)", ylabel="mean NEES of the pose", xlim=(0, None))
     right.set_ylim(1.0, 1e5)
     right.legend(loc="lower right", fontsize=8)
+    return figure
+
+
+def _loop_picture(journey: Drive, belief: Belief) -> Figure:
+    """Draw the paths of all particles before and after the first loop is closed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 6.6), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    titles = "shortly before closing the loop", "shortly after it"
+    for axes, title, paths in zip(panels, titles, belief.loop, strict=True):
+        for k, path in enumerate(paths):
+            axes.plot(
+                *path[:, :2].T, color=BELIEVED, lw=0.4, label="" if k else "path of a particle"
+            )
+        true = journey.truth[: paths.shape[1]]
+        axes.plot(*true[:, :2].T, color=TRUTH, lw=1.4, label="true path")
+        axes.plot(*journey.landmarks.T, "+", color=WALL, ms=7, label="true landmark")
+        axes.plot(*true[0, :2], "o", color=HOME, ms=6, ls="none", label="start")
+        axes.set(aspect="equal", xlabel="x (m)", title=title)
+    panels[0].set_ylabel("y (m)")
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 

@@ -89,8 +89,20 @@ def test_far_and_short_ones_are_left_out():
     assert 0 < len(near) < len(find_line_ends(scan, LineEndConfig()))
     assert np.hypot(*near[:, :2].T).max() < 5.0
     assert len(find_line_ends(scan, LineEndConfig(least_length=20.0))) == 0
-    flat = find_line_ends(scan, LineEndConfig(least_angle=np.radians(89.99)))
-    assert len(flat) >= 1
+
+
+def test_a_wall_that_bends_a_little_has_no_corner_there():
+    """A wall ahead that bends by 25°: a corner only where such a bend counts as one."""
+    out = 4.0 * np.array((np.sin(np.radians(12.5)), np.cos(np.radians(12.5))))
+    walls = np.array(((3 + out[0], -out[1], 3, 0), (3, 0, 3 + out[0], out[1])), float)
+    scan = scan_from(np.zeros(3), walls)
+
+    def at_bend(angle: float) -> int:
+        found = find_line_ends(scan, LineEndConfig(least_angle=np.radians(angle)))
+        return int((np.hypot(*(found[:, :2] - (3.0, 0.0)).T) < 0.1).sum())
+
+    assert at_bend(30.0) == 0
+    assert at_bend(20.0) == 1
 
 
 @pytest.mark.parametrize("wrong", [{"reach": 0.0}, {"noise": 0.0}, {"least_angle": -1.0}])
