@@ -12,7 +12,7 @@ from albot_core.mappers.registry import installed_mappers, make_mapper
 from albot_core.sensing.reading import Reading
 
 YARDSTICK = "karto"
-SYSTEMS = ("scan-matching", "graph-slam", "gmapping", "grid-slam", "dp-slam", YARDSTICK)
+SYSTEMS = ("scan-matching", "graph-slam", "gmapping", "grid-slam", "fastslam", "dp-slam", YARDSTICK)
 
 
 def measure_slam(

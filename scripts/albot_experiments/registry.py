@@ -103,6 +103,12 @@ EXPERIMENTS = {
             module="albot_experiments.albot0_lost_frame",
         ),
         Experiment(
+            id="albot0-spaces",
+            title="Albot0's seven local spaces, out and home (Hossain 2014, figure 2.21)",
+            seeds=20,
+            module="albot_experiments.albot0_spaces",
+        ),
+        Experiment(
             id="albot1-e1",
             title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
             seeds=100,
@@ -175,6 +181,12 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.albot1_readings",
             needs_data=True,
+        ),
+        Experiment(
+            id="fastslam-consistency",
+            title="FastSLAM's error against the uncertainty that it believes in (Bailey 2006)",
+            seeds=50,
+            module="albot_experiments.fastslam_consistency",
         ),
         Experiment(
             id="hssh-gateways",

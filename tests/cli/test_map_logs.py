@@ -37,6 +37,17 @@ def test_albot1_betters_the_odometer_on_real_logs(name, odometry, limit, call, d
 
 
 @pytest.mark.parametrize(
+    ("name", "limit"), [("intel_raw.json.gz", 0.4), ("freiburg-101-corrected.log.gz", 0.25)]
+)
+def test_fastslam_closes_the_loops_of_real_logs(name, limit, call, data):
+    logs = data / "logs"
+    reference = ["--reference", logs / "intel_reference.json.gz"] if "intel" in name else []
+    found = figures(call("map", logs / name, "--mapper", "fastslam", *reference, "--json"))
+    assert found["ate_rmse_m"] < limit
+    assert found["odometry_ate_rmse_m"] > 8.0
+
+
+@pytest.mark.parametrize(
     ("name", "scans"),
     [("wean_robotdata1.log.xz", 713), ("wean_robotdata2.log.xz", 2251), ("duke_loop5.log.xz", 551)],
 )

@@ -26,6 +26,7 @@ _MILFORD = "Milford, Prasser and Wyeth, Experience mapping, ACRA 2005"
 _SCHMIDT = "Schmidt, Wong and Yeap, Mapping and localisation with sonar ASRs (Albot0)"
 _THRUN = "Thrun, Burgard and Fox, A real-time algorithm for mobile robot mapping, ICRA 2000"
 _HAEHNEL = "Hähnel, Burgard, Fox and Thrun, An efficient FastSLAM algorithm, IROS 2003"
+_MONTEMERLO = "Montemerlo, Thrun, Koller and Wegbreit, FastSLAM 2.0, IJCAI 2003"
 _GRISETTI = "Grisetti, Stachniss and Burgard, Improved techniques for grid mapping, T-RO 2007"
 _KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IEEE ITS 2010"
 _KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
@@ -135,6 +136,15 @@ MAPPERS: dict[str, MapperSpec] = {
             layers=("occupancy_grid", "trajectory", "particles"),
             factory="albot_core.mappers.slam.dp_slam:DpSlam",
             config="albot_core.mappers.slam.dp_slam_config:DpSlamConfig",
+        ),
+        MapperSpec(
+            name="fastslam",
+            summary="FastSLAM with landmarks: particles with a Kalman filter for each corner.",
+            paper=_MONTEMERLO,
+            sensors=_LASER,
+            layers=("occupancy_grid", "trajectory", "particles"),
+            factory="albot_core.mappers.slam.fastslam:FastSlam",
+            config="albot_core.mappers.slam.fastslam_config:FastSlamConfig",
         ),
         MapperSpec(
             name="gmapping",

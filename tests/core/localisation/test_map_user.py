@@ -17,7 +17,7 @@ from albot_core.sensing.reading import Reading, Readings
 from tests.core.localisation.buildings import OTHER, OTHER_TOUR, TOUR, readings
 
 WAY = ((12, 2), (12, 5.2), (6.5, 5.5), (3, 6.5))
-NAMES = ("albot1", "scan-matching", "graph-slam", "gmapping")
+NAMES = ("albot1", "scan-matching", "graph-slam", "gmapping", "fastslam")
 SOME = np.array((2.0, 2.0))
 """Where the tour begins: the maps' frame lies there, turned to where the robot drives first."""
 

@@ -37,6 +37,7 @@ OURS = (
     "association",
     "association-paper",
     "dp-slam",
+    "fastslam",
     "gmapping",
     "graph-slam",
     "grid-slam",

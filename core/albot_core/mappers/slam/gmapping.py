@@ -26,6 +26,7 @@ from albot_core.mappers.slam.beam_model import (
     weigh_points,
 )
 from albot_core.mappers.slam.particle_slam import ParticleSlam, ParticleSlamConfig
+from albot_core.mappers.slam.particles import Particles
 from albot_core.mappers.slam.tiles import PoolArrays
 from albot_core.matching.scan_points import matched_points
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
@@ -87,11 +88,12 @@ class GMapping(ParticleSlam):
     """
 
     config: GMappingConfig
+    _particles: Particles
 
     def __init__(self, config: GMappingConfig | None = None, name: str = "gmapping") -> None:
         config = config or GMappingConfig()
         self._tables = beam_tables(config.beams, config.grid.cell)
-        super().__init__(config, name)
+        super().__init__(config, name, Particles(config.particles, config.grid))
 
     @property
     def _weight_gain(self) -> float:

@@ -18,6 +18,7 @@ from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
 from albot_core.mappers.slam.particle_slam import ParticleSlam, ParticleSlamConfig
+from albot_core.mappers.slam.particles import Particles
 from albot_core.mappers.slam.tiles import PoolArrays
 from albot_core.matching.scan_points import matched_points
 from albot_core.sensing.reading import LaserScan
@@ -56,11 +57,12 @@ class GridSlam(ParticleSlam):
     """
 
     config: GridSlamConfig
+    _particles: Particles
 
     def __init__(self, config: GridSlamConfig | None = None, name: str = "grid-slam") -> None:
         config = config or GridSlamConfig()
         self._log_likelihoods = beam_tables(config.beams, config.grid.cell).log_likelihoods
-        super().__init__(config, name)
+        super().__init__(config, name, Particles(config.particles, config.grid))
 
     @property
     def _weight_gain(self) -> float:

@@ -1,4 +1,4 @@
-"""SLAM by particles with a grid map each: the common part of `grid-slam` and `gmapping`.
+"""SLAM by particles with a map each: the common part of `grid-slam`, `gmapping` and `fastslam`.
 
 The filter of D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient FastSLAM algorithm for
 generating maps of large-scale cyclic environments from raw laser range measurements, IROS 2003.
@@ -22,7 +22,7 @@ from albot_core.mappers.mapper import Estimate, WayHome
 from albot_core.mappers.schema import Field, Schema, generator
 from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
-from albot_core.mappers.slam.particles import Particles
+from albot_core.mappers.slam.particle_paths import ParticlePaths
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored import StoredMapper
 from albot_core.maps.layers import MapSnapshot, ParticlesLayer, TrajectoryLayer
@@ -67,11 +67,12 @@ class ParticleSlamConfig:
 
 
 class ParticleSlam(StoredMapper, ABC):
-    """SLAM by particles with a grid map each; it knows a way home and corrects earlier poses.
+    """SLAM by particles with a map each; it knows a way home and corrects earlier poses.
 
     Args:
         config: All parameters.
         name: The mapper's name in the registry.
+        particles: The particles, with empty maps.
     """
 
     config: ParticleSlamConfig
@@ -86,8 +87,8 @@ class ParticleSlam(StoredMapper, ABC):
         parts=("_particles", "_local"),
     )
 
-    def __init__(self, config: ParticleSlamConfig, name: str) -> None:
-        self._particles = Particles(config.particles, config.grid)
+    def __init__(self, config: ParticleSlamConfig, name: str, particles: ParticlePaths) -> None:
+        self._particles = particles
         self._local = LocalMap(config.matching)
         self._route = RouteKeeper(config.way_home)
         super().__init__(config, name)
@@ -176,12 +177,15 @@ class ParticleSlam(StoredMapper, ABC):
             self._local.keep(self._pose, points.surface)
             return
         match = self._local.match(points, compose(self._pose, reading.motion))
-        motion = relative(self._pose, match.pose)
+        self._add_motion(relative(self._pose, match.pose))
         self._pose, self._is_localised = match.pose, match.is_good
-        self._motion = compose(self._motion, motion)
-        self._way += (math.hypot(motion[0], motion[1]), abs(float(motion[2])))
         if self._local.is_due(match.pose):
             self._local.keep(match.pose, points.surface)
+
+    def _add_motion(self, motion: Pose) -> None:
+        """Add a motion, in the robot's frame before it, to that since the last update."""
+        self._motion = compose(self._motion, motion)
+        self._way += (math.hypot(motion[0], motion[1]), abs(float(motion[2])))
 
     def _has_moved_on(self) -> bool:
         """Return whether the robot moved or turned far enough since the last update."""

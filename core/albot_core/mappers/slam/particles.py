@@ -1,21 +1,16 @@
-"""Particles: hypotheses of the robot's path, each with the map that follows from it.
-
-A Rao-Blackwellised particle filter (A. Doucet et al., UAI 2000; K. Murphy, NIPS 1999). Each
-particle holds a whole path of the robot and a grid. Grids share the tiles in which they do not
-differ; paths share their common beginning.
-"""
+"""Particles with a grid map each; grids share the tiles in which they do not differ."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int32, Int64
+from jaxtyping import Int32, Int64
 
-from albot_core.geometry.types import Poses
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.schema import Arrays, Field, Schema, Sizes, refuse_unless
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid, integrate_scan
+from albot_core.mappers.slam.particle_paths import ParticlePaths
 from albot_core.mappers.slam.tiles import (
     MOST_TILES,
     NONE,
@@ -26,7 +21,6 @@ from albot_core.mappers.slam.tiles import (
     release_tiles,
     tiles_around,
 )
-from albot_core.mappers.stored import Stored
 from albot_core.sensing.reading import LaserScan
 
 _CELLS = f"tiles {TILE} {TILE}"
@@ -42,7 +36,7 @@ def _check_index(state: Arrays, sizes: Sizes) -> None:
     refuse_unless(found <= MOST_TILES, "particles.index", expected, found)
 
 
-class Particles(Stored):
+class Particles(ParticlePaths):
     """Particles with a grid each, which start at the origin of the map.
 
     Args:
@@ -51,9 +45,7 @@ class Particles(Stored):
     """
 
     SCHEMA = Schema(
-        Field("particles.poses", "updates+1 particles 3", at=None),
-        Field("particles.parents", "updates+1 particles", int, at=None, least=0, below="particles"),
-        Field("particles.log_weights", "particles", at="log_weights"),
+        *ParticlePaths.SCHEMA.fields,
         Field("particles.tiles", _CELLS, np.float32, at=None, least="lowest", most="highest"),
         Field(
             "particles.index",
@@ -68,11 +60,12 @@ class Particles(Stored):
     )
 
     def __init__(self, count: int, config: GridConfig) -> None:
-        self.count, self._config = count, config
-        self.clear()
+        self._config = config
+        super().__init__(count)
 
     def clear(self) -> None:
         """Reset all particles to the origin, with empty maps."""
+        super().clear()
         self.pool = TilePool()
         """The tiles of all grids."""
         self.index: Int32[np.ndarray, "particles rows columns"]
@@ -80,37 +73,6 @@ class Particles(Stored):
         """The tiles of each grid; `NONE` where nothing is known."""
         self.corner: Int64[np.ndarray, "2"] = np.zeros(2, np.int64)
         """Row and column of the first entries, counted in tiles from the map's origin."""
-        self.poses: Poses = np.zeros((self.count, 3))
-        """The robot's pose by each particle (map frame), (particles, 3)."""
-        self.log_weights: Float64[np.ndarray, "particles"] = np.zeros(self.count)
-        """Log-weight of each particle, up to a common constant."""
-        self._parents: Int64[np.ndarray, "particles"] = np.arange(self.count)
-        self._way: list[Poses] = []
-        self._lineage: list[np.ndarray] = []
-
-    @property
-    def best(self) -> int:
-        """Index of the particle with the largest weight; of several equal ones, the first.
-
-        After a resampling all weights are equal, so it is particle 0. GMapping's program chooses by
-        the sum of all log-weights along a particle's path instead.
-        """
-        return int(np.argmax(self.log_weights))
-
-    @property
-    def updates(self) -> int:
-        """Number of calls of `remember`."""
-        return len(self._way)
-
-    def weights(self, gain: float = 1.0) -> Float64[np.ndarray, "particles"]:
-        """Return the particles' weights; they sum to 1.
-
-        Args:
-            gain: Factor of the log-weights; below 1 it makes the weights more equal.
-        """
-        raised = np.exp(gain * (self.log_weights - self.log_weights.max()))
-        normalised: Float64[np.ndarray, "particles"] = raised / raised.sum()
-        return normalised
 
     def grid(self, particle: int) -> LogOddsGrid:
         """Return the map of a particle; it is valid until the next scan or resampling."""
@@ -151,57 +113,30 @@ class Particles(Stored):
             self.index[1:] = self.index[0]
             self.pool.arrays.uses[self.index[0][self.index[0] != NONE]] += self.count - 1
 
-    def remember(self) -> None:
-        """Append the current poses to the particles' paths."""
-        self._way.append(self.poses.copy())
-        self._lineage.append(self._parents.copy())
-        self._parents = np.arange(self.count)
-
-    def trajectory(self, particle: int) -> Float64[np.ndarray, "updates 3"]:
-        """Return the path of a particle: its poses at each `remember`, in order."""
-        way = np.empty((self.updates, 3))
-        particle = int(self._parents[particle])
-        for update in range(self.updates - 1, -1, -1):
-            way[update] = self._way[update][particle]
-            particle = int(self._lineage[update][particle])
-        return way
-
-    def resample(self, weights: Float64[np.ndarray, "particles"], rng: np.random.Generator) -> None:
-        """Resample: draw the same number of particles, with probabilities equal to the weights.
-
-        Systematic resampling (J. Carpenter et al., IEE Proceedings 1999): one random number shifts
-        an even comb. All weights are equal afterwards.
-        """
-        teeth = (rng.random() + np.arange(self.count)) / self.count
-        chosen = np.minimum(np.searchsorted(np.cumsum(weights), teeth), self.count - 1)
+    def _take_maps(self, chosen: Int64[np.ndarray, "particles"]) -> None:
         drawn = self.index[chosen]
         np.add.at(self.pool.arrays.uses, drawn[drawn != NONE], 1)
         for index in self.index:
             release_tiles(self.pool.arrays, index)
         self.index = drawn
-        self.poses = self.poses[chosen]
-        self.log_weights = np.zeros(self.count)
-        self._parents = self._parents[chosen]
 
     def _sizes(self) -> dict[str, Any]:
-        return {"particles": self.count, **self._config.bounds}
+        return {**super()._sizes(), **self._config.bounds}
 
-    def _stored(self) -> dict[str, np.ndarray]:
+    def _stored(self) -> dict[str, Any]:
         # Each tile once, in the order of its first use.
         tiles, first = np.unique(self.index[self.index != NONE], return_index=True)
         tiles = tiles[np.argsort(first)]
         number = np.full(len(self.pool.arrays.uses) + 1, NONE, np.int32)
         number[tiles] = np.arange(len(tiles))
         return {
-            "particles.poses": np.stack((*self._way, self.poses)),
-            "particles.parents": np.stack((*self._lineage, self._parents)),
+            **super()._stored(),
             "particles.tiles": self.pool.arrays.cells[tiles],
             "particles.index": number[self.index],  # The last entry of `number` maps `NONE`.
         }
 
     def _restored(self, state: Arrays) -> None:
-        *self._way, self.poses = state["particles.poses"].copy()
-        *self._lineage, self._parents = state["particles.parents"].copy()
+        super()._restored(state)
         self.index = state["particles.index"].copy()
         # Their maps share tiles as before. The pool hands out the lowest indices first.
         self.pool, tiles = TilePool(), state["particles.tiles"]

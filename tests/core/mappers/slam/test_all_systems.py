@@ -26,6 +26,7 @@ CONFIGS = {
     "graph-slam": {},
     "gmapping": {"particles": 5},
     "grid-slam": {"particles": 5},
+    "fastslam": {"particles": 20},
     "dp-slam": {"particles": 20, "beams": 60},
     "karto": {},
 }
