@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from albot_agents.engine import local
 from albot_cli.comparison_report import FILES, as_markdown, panels_of, rows_of
 from albot_cli.mapper_runs import MapperChoice, MapperRun, RunResult, Source, no_figures
 from albot_core.errors import InputError
@@ -146,11 +147,12 @@ def test_thresholds_from_a_file(corridor, tmp_path, call, in_process):
     assert sparse["updates"] < usual["updates"]
 
 
-def test_a_run_that_dies_leaves_the_others(corridor, call):
+def test_a_run_that_dies_leaves_the_others(corridor, call, monkeypatch):
     """In processes of their own, as users have it: each imports a user's own mapper.
 
     A run's peak is its own, however much memory the process has that started it.
     """
+    monkeypatch.setattr(local, "RERUNS", 0)  # Each takes a new process some seconds.
     memory = np.ones(50_000_000)
     try:
         names = "tests.cli.mortal:mortal,odometry"

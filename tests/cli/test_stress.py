@@ -24,6 +24,7 @@ KEYS = {
 
 BROKEN = """
 import os, signal
+from albot_agents.engine import local
 from albot_env.tasks.explore.env import ExploreVectorEnv
 
 whole, begin = ExploreVectorEnv.step, ExploreVectorEnv.reset
@@ -48,6 +49,7 @@ def reset(self, *, seed=None, options=None):
     return begin(self, seed=seed, options=options)
 
 ExploreVectorEnv.step, ExploreVectorEnv.reset = step, reset
+local.RERUNS = 1  # Each takes a new process some seconds.
 """
 """What Python runs by itself before the command, in the worker processes too."""
 
