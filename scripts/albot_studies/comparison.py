@@ -42,6 +42,7 @@ MAPPERS = (
     "gmapping",
     "grid-slam",
     "dp-slam",
+    "fastslam",
     "hssh",
     "sahabot",
     "sahabot-wheels",
