@@ -324,6 +324,18 @@ def _permissions(target: Path) -> int:
     return 0o666 & ~umask
 
 
+def write_all(stream: io.FileIO, content: bytes) -> None:
+    """Write all content to an unbuffered file.
+
+    On a nearly full disk, `write` first writes a part, then raises.
+
+    Raises:
+        OSError: The disk is full; a part may have been written.
+    """
+    while content:
+        content = content[stream.write(content) :]
+
+
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text to `path`, atomically; raises as `atomic_write`."""
     with atomic_write(path) as stream:

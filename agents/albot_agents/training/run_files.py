@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import platform
@@ -20,7 +19,7 @@ from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError, MissingFileError
-from albot_core.files import make_folder, new_folder, read_bytes, write_text
+from albot_core.files import make_folder, new_folder, read_bytes, write_all, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
 
@@ -279,7 +278,7 @@ class EpisodeLog:
                 stream.truncate(self.size)
                 stream.seek(self.size)
                 try:
-                    _write_all(stream, lines)
+                    write_all(stream, lines)
                 except OSError:
                     stream.truncate(self.size)
                     raise
@@ -287,12 +286,6 @@ class EpisodeLog:
             raise MissingFileError(self._path) from None
         except OSError as error:
             raise InputError(self._path, "free disk space", error.strerror or str(error)) from None
-
-
-def _write_all(stream: io.FileIO, content: bytes) -> None:
-    """Write all content; on a nearly full disk, `write` first writes a part, then raises."""
-    while content:
-        content = content[stream.write(content) :]
 
 
 def _cell(value: float | int | None) -> str:
