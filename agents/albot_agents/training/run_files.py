@@ -6,7 +6,8 @@ import json
 import os
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +20,14 @@ from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError, MissingFileError
-from albot_core.files import make_folder, new_folder, read_bytes, write_all, write_text
+from albot_core.files import (
+    make_folder,
+    new_folder,
+    read_bytes,
+    sole_writer,
+    write_all,
+    write_text,
+)
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
 
@@ -34,6 +42,9 @@ FIGURES = ("is_success", "spl", "coverage", "distance_home")
 _COLUMNS = ("r", "l", "t", *FIGURES)
 POINTS = 30
 """Number of points of the learning curve over training episodes."""
+_PATIENCE = 10.0
+"""Longest time for which a run waits for another process to leave its folder (s): one whose parent
+was killed ends a little later."""
 Row = Sequence[float | int | None]
 """Return, steps, time since the training began (s), and the `FIGURES`; None if unknown."""
 
@@ -162,6 +173,19 @@ class RunFolder:
         if n_timesteps < done:
             expected = f"at least the {done:,} samples that are done, as the samples in all"
             raise InputError(self.path, expected, f"{n_timesteps:,}", place="--steps")
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Let no other process train in the folder during the block.
+
+        Raises:
+            InputError: One does, and goes on for `_PATIENCE`.
+        """
+        if not self.versions.is_file():
+            yield
+            return
+        with sole_writer(self.versions, self.path, _PATIENCE):
+            yield
 
     def is_finished(self, plan: TrainingPlan) -> bool:
         """Return whether the run has all samples of its plan, and the evaluation after the last."""
