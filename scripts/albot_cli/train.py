@@ -187,9 +187,9 @@ def _check_single(jobs: int | None, engine: str, address: str | None) -> None:
     """Raise InputError if an option is given that several runs need."""
     for name, given in {"--jobs": jobs, "--address": address}.items():
         if given is not None:
-            raise InputError(name, "no such option without --seeds", str(given))
+            raise InputError(name, "no such option without --seeds or a sweep", str(given))
     if engine != LOCAL:
-        raise InputError("--engine", "--seeds, whose runs are the tasks", engine)
+        raise InputError("--engine", "--seeds or a sweep, whose runs are the tasks", engine)
 
 
 def _check_installed() -> None:
