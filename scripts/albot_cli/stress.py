@@ -342,22 +342,22 @@ def _run(
     total = len(episodes) * campaign.steps
     opened: AbstractContextManager[Mapping[int, Any]]
     opened = nullcontext({}) if rows is None else rows.opened(resume=resumes)
-    with opened as known:
-        for number, row in known.items():
-            assert rows is not None
-            tally.add(outcome_of(row, episodes[number], rows.path))
-        left = [episode for number, episode in enumerate(episodes) if number not in known]
-        outcomes = run_jobs(plan_jobs(left, engine.workers), engine, campaign.checks)
-        start = len(known) * campaign.steps
-        try:
+    try:
+        with opened as known:
+            for number, row in known.items():
+                assert rows is not None
+                tally.add(outcome_of(row, episodes[number], rows.path))
+            left = [episode for number, episode in enumerate(episodes) if number not in known]
+            outcomes = run_jobs(plan_jobs(left, engine.workers), engine, campaign.checks)
+            start = len(known) * campaign.steps
             with progress("stress", total, "steps", start=start) as update, closing(outcomes):
                 for done, outcome in enumerate(outcomes, start=len(known) + 1):
                     if rows is not None:
                         rows.add(numbers[episode_key(outcome.episode)], row_of(outcome))
                     tally.add(outcome)
                     update(done * campaign.steps, tally.note)
-        except KeyboardInterrupt:
-            tally.stopped = True
+    except KeyboardInterrupt:
+        tally.stopped = True
 
 
 def _shrink(

@@ -19,6 +19,7 @@ from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.checks import Finding
 from albot_env.tasks.explore.env import ExploreEnv
+from albot_stress import episodes
 from albot_stress.episodes import Episode
 from albot_stress.running import violated
 from tests.processes import ALBOT, running, wait_until
@@ -226,6 +227,23 @@ def test_options_that_a_campaign_stands_for(
         main()
     assert ended.value.code == 2
     assert found in capsys.readouterr().err
+
+
+def test_ctrl_c_before_the_first_episode_tells_how_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Planning a hundred thousand episodes takes seconds."""
+
+    def stop(*arguments: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(episodes, "plan_jobs", stop)
+    rows = tmp_path / "rows"
+    monkeypatch.setattr(sys, "argv", ["albot", *SHORT, "--rows", str(rows)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
+    assert f"continue with: albot stress --resume {rows}" in capsys.readouterr().out
 
 
 def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
