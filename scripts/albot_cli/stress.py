@@ -167,8 +167,8 @@ def command(
     # The run that goes on may have made the folder.
     if out is not None and out.exists() and not resumes:
         raise InputError("--out", "a folder that is not there yet", str(out))
-    if seconds:
-        check_folder(out or _free_folder())
+    if out is not None:
+        check_folder(out)
     kept = None if place is None else _rows_folder(ctx, chosen, place)
     _run(chosen, engine, tally, kept, resumes)
     try:
