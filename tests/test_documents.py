@@ -7,6 +7,7 @@ import re
 import runpy
 import shlex
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from albot_cli.group import albot
+from albot_maps import load_world
 from tests.conftest import ROOT
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
 from tests.env import quick
@@ -29,8 +31,11 @@ PAGES = (
 )
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 SPAN = re.compile(r"`(albot [^`\n]*)`")
+LANGUAGES = {"", "bash", "dockerfile", "mermaid", "python", "text", "yaml"}
+"""Languages of code on the pages; `python` is run, and `bash` is read."""
 ELSEWHERE = {
     "docs/exchange.md": "needs a data set, see test_the_data_set_of_a_page_is_learnt_from",
+    "docs/saved_maps.md": "needs maps, see test_the_maps_of_a_page_are_used_as_it_says",
     "docs/mappers.md": "is tests/core/mappers/topological.py, see test_guide.py",
     "docs/tasks.md": "is tests/env/tasks/visit_rooms.py, see test_guide.py",
     "docs/guides/observation_part.md": "is followed by test_guides.py, as all in docs/guides",
@@ -111,6 +116,32 @@ def test_the_data_set_of_a_page_is_learnt_from(
     assert re.search(r"loss \d\.\d+; home in \d+ of 10 offices\n$", capsys.readouterr().out)
 
 
+def test_the_maps_of_a_page_are_used_as_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its commands make a map of a world, of a short drive, and its code localises in it."""
+    page = "docs/saved_maps.md"
+    monkeypatch.chdir(tmp_path)
+    _write_log(tmp_path / "first.log.gz")
+    lines = "\n".join(_blocks(page, "bash")).splitlines()
+    short = {"play": ["--steps", "60", "--headless"]}
+    for line in [lines[0], *(line for line in lines if "office" in line)]:
+        words = shlex.split(line)[1:]
+        albot.main([*words, *short.get(words[0], [])], standalone_mode=False)
+    code = "\n".join(_blocks(page, "python"))
+    (tmp_path / "page.py").write_text(code)
+    found = runpy.run_path("page.py")
+    assert found["mapper"].standing == "undecided"
+    _, info = found["env"].reset(options={"start": (4.0, 3.0, 1.5)})
+    assert not info["localised"]
+    assert tuple(info["start"]) != (4.0, 3.0, 1.5)  # Home is where the map was begun.
+
+
+def test_code_says_its_language_as_these_tests_know_it() -> None:
+    texts = [(ROOT / page).read_text(encoding="utf-8") for page in PAGES]
+    assert {language for text in texts for language, _ in BLOCK.findall(text)} <= LANGUAGES
+
+
 def test_what_is_done_less_often_stands_on_some_page() -> None:
     shown = "".join(code for page in PAGES for code in _blocks(page, "python"))
     assert all(budget in shown for budget in FASTER)
@@ -140,6 +171,9 @@ def test_a_command_on_a_page_can_be_called(
         monkeypatch.delenv(variable, raising=False)
     (tmp_path / "plans").mkdir()
     words = shlex.split(line.replace("$ALBOT_DATA", str(tmp_path)), comments=True)[1:]
+    for option, world in pairwise(words):
+        if option == "--world" and re.fullmatch("[a-z-]+", world):
+            load_world(world)
     try:
         albot.main(words, standalone_mode=False)
     except (click.MissingParameter, click.exceptions.NoArgsIsHelpError):

@@ -12,6 +12,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -283,28 +284,45 @@ def new_folder(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def sole_writer(file: Path, folder: Path) -> Iterator[None]:
+def sole_writer(file: Path, folder: Path, patience: float = 0.0) -> Iterator[None]:
     """Let no other process enter such a block with the same file during the block.
 
-    Windows has no such locks; there it does nothing.
+    Windows and some file systems have no such locks; there it does nothing.
 
     Args:
-        file: A file of the folder, which is there.
+        file: A file of the folder, which is there and is never replaced.
         folder: The folder that the process writes into, for the error.
+        patience: Longest time to wait for another process to leave the block (s).
 
     Raises:
-        InputError: Another process is in the block.
+        InputError: Another process is in the block, or the file is missing.
     """
-    with file.open("rb") as stream:
-        if sys.platform != "win32":
-            import fcntl
-
-            try:  # The lock ends with the process, however it ends.
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
+    try:
+        stream = file.open("r+b")  # NFS locks only what may be written.
+    except FileNotFoundError:
+        raise MissingFileError(file) from None
+    with stream:
+        until = time.monotonic() + patience
+        while not _lock(stream):
+            if time.monotonic() >= until:
                 expected = "a folder that no other process writes into"
-                raise InputError(folder, expected, "one that does") from None
+                raise InputError(folder, expected, "one that does")
+            time.sleep(0.1)
         yield
+
+
+def _lock(stream: IO[bytes]) -> bool:
+    """Lock a file until it is closed, at the latest with the process; return whether it is ours."""
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # The file system has no locks.
+            return True
+    return True
 
 
 @contextmanager
@@ -322,6 +340,18 @@ def _permissions(target: Path) -> int:
     umask = os.umask(0)
     os.umask(umask)
     return 0o666 & ~umask
+
+
+def write_all(stream: io.FileIO, content: bytes) -> None:
+    """Write all content to an unbuffered file.
+
+    On a nearly full disk, `write` first writes a part, then raises.
+
+    Raises:
+        OSError: The disk is full; a part may have been written.
+    """
+    while content:
+        content = content[stream.write(content) :]
 
 
 def write_text(path: Path, text: str) -> None:

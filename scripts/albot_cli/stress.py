@@ -19,7 +19,7 @@ from albot_cli.count_type import CountType
 from albot_cli.engine_options import engine_options
 from albot_cli.faults import faults_option
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import JSON
+from albot_cli.outputs import JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_cli.robots import robot_option
@@ -34,7 +34,7 @@ from albot_cli.rows_options import (
 from albot_cli.signals import STOPPED
 from albot_core.counts import many
 from albot_core.errors import InputError
-from albot_core.files import write_text
+from albot_core.files import make_folder, write_text
 
 if TYPE_CHECKING:
     from albot_agents.engine.engine import Engine
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from albot_stress.episodes import Outcome, Violation
 
 _LARGEST_SEED = 2**64 - 1
-"""Largest seed of a random world."""
+"""The same value as a campaign's, whose module is slow to load."""
 _SHRUNK = 10
 """Number of violations that are shrunk, at most."""
 _PLAN = (
@@ -162,17 +162,22 @@ def command(
     that shows it. The exit status is 0 without violations, 1 with some, and 130 if Ctrl-C stops it.
     """
     chosen = _campaign(ctx, campaign, beams, plan)
-    if out is not None and out.exists():
-        raise InputError("--out", "a folder that is not there yet", str(out))
     tally = _Tally()
     place, resumes = rows_place(rows, resume)
+    # The run that goes on may have made the folder.
+    if out is not None and out.exists() and not resumes:
+        raise InputError("--out", "a folder that is not there yet", str(out))
+    if out is not None:
+        check_folder(out)
     kept = None if place is None else _rows_folder(ctx, chosen, place)
     _run(chosen, engine, tally, kept, resumes)
-    if tally.violations and seconds and not tally.stopped:
-        _shrink(chosen, engine, tally, seconds, out or _free_folder())
-    lines = continued(ctx, place) if tally.stopped else []
-    facts = tally.facts(chosen.agents) | {"rows": None if place is None else str(place)}
-    click.echo(json.dumps(facts) if as_json else "\n".join([tally.text(), *lines]))
+    try:
+        if tally.violations and seconds and not tally.stopped:
+            _shrink(chosen, engine, tally, seconds, out or _free_folder())
+    finally:  # What was found is told, even if it cannot be stored.
+        lines = continued(ctx, place) if tally.stopped else []
+        facts = tally.facts(chosen.agents) | {"rows": None if place is None else str(place)}
+        click.echo(json.dumps(facts) if as_json else "\n".join([tally.text(), *lines]))
     if tally.violations:
         return 1
     return STOPPED if tally.stopped else 0
@@ -337,22 +342,22 @@ def _run(
     total = len(episodes) * campaign.steps
     opened: AbstractContextManager[Mapping[int, Any]]
     opened = nullcontext({}) if rows is None else rows.opened(resume=resumes)
-    with opened as known:
-        for number, row in known.items():
-            assert rows is not None
-            tally.add(outcome_of(row, episodes[number], rows.path))
-        left = [episode for number, episode in enumerate(episodes) if number not in known]
-        outcomes = run_jobs(plan_jobs(left, engine.workers), engine, campaign.checks)
-        start = len(known) * campaign.steps
-        try:
+    try:
+        with opened as known:
+            for number, row in known.items():
+                assert rows is not None
+                tally.add(outcome_of(row, episodes[number], rows.path))
+            left = [episode for number, episode in enumerate(episodes) if number not in known]
+            outcomes = run_jobs(plan_jobs(left, engine.workers), engine, campaign.checks)
+            start = len(known) * campaign.steps
             with progress("stress", total, "steps", start=start) as update, closing(outcomes):
                 for done, outcome in enumerate(outcomes, start=len(known) + 1):
                     if rows is not None:
                         rows.add(numbers[episode_key(outcome.episode)], row_of(outcome))
                     tally.add(outcome)
                     update(done * campaign.steps, tally.note)
-        except KeyboardInterrupt:
-            tally.stopped = True
+    except KeyboardInterrupt:
+        tally.stopped = True
 
 
 def _shrink(
@@ -366,7 +371,7 @@ def _shrink(
         (each.invariant, each.episode.agent, each.episode.mapper, each.episode.faults): each
         for each in reversed(tally.violations)
     }
-    folder.mkdir()
+    make_folder(folder)
     tasks = [
         ShrinkTask(
             violation=violation,

@@ -7,6 +7,7 @@ import json
 import math
 import shlex
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from albot_agents.training.plan import TrainingPlan
     from albot_agents.training.run_files import RunFolder
@@ -147,21 +148,24 @@ def command(
     if resume is not None:
         _check_alone(config, out, seed, seeds, robot)
     if seeds is not None or _has_seeds(resume):
-        found, runs = _begin_seeds(task, config, out, resume, seeds, steps, robot)
         is_local = engine == LOCAL
         with make_engine(engine, jobs or (1 if is_local else None), address) as made:
-            result = train_with_seeds(found, runs, made, every)
+            made.start()  # Where there is no cluster, no folder is made.
+            with _seeds(task, config, out, resume, seeds, steps, robot) as (found, runs):
+                result = train_with_seeds(found, runs, made, every)
         return _tell(result, seeds_as_text, as_json)
     plan = None if resume is not None else _read_plan(task, config, seed, steps, robot)
     if _has_trials(resume) if plan is None else plan.sweep is not None:
         _check_sweep(engine, steps if resume is not None else None)
-        sweep = _begin_sweep(plan, out) if plan is not None else _resume_sweep(task, resume)
         with make_engine(engine, jobs, address) as made:
-            result = train_sweep(*sweep, made, every)
+            made.start()
+            with _sweep(plan, task, config, out, resume) as sweep:
+                result = train_sweep(*sweep, made, every)
         return _tell(result, sweep_as_text, as_json)
     _check_single(jobs, engine, address)
-    run = _begin(plan, out) if plan is not None else _resume(task, resume, steps)
-    return _tell(_train(*run, every), _as_text, as_json)
+    with _run(plan, task, out, resume, steps) as run:
+        result = _train(*run, every)
+    return _tell(result, _as_text, as_json)
 
 
 def _tell(result: dict[str, Any], as_text: Callable[[dict[str, Any]], str], as_json: bool) -> int:
@@ -183,9 +187,9 @@ def _check_single(jobs: int | None, engine: str, address: str | None) -> None:
     """Raise InputError if an option is given that several runs need."""
     for name, given in {"--jobs": jobs, "--address": address}.items():
         if given is not None:
-            raise InputError(name, "no such option without --seeds", str(given))
+            raise InputError(name, "no such option without --seeds or a sweep", str(given))
     if engine != LOCAL:
-        raise InputError("--engine", "--seeds, whose runs are the tasks", engine)
+        raise InputError("--engine", "--seeds or a sweep, whose runs are the tasks", engine)
 
 
 def _check_installed() -> None:
@@ -236,44 +240,58 @@ def _read_plan(
     return shipped_plan(task, tried=tried, **changes)
 
 
-def _begin(plan: TrainingPlan, out: Path | None) -> tuple[RunFolder, TrainingPlan]:
-    """Make the folder of a new run; return it and the plan."""
-    from albot_agents.training.run_files import RunFolder
-
-    folder = RunFolder(_new_folder(plan, out))
-    folder.begin(plan, _command(sys.argv[1:]))
-    return folder, plan
-
-
-def _resume(
-    task: str | None, resume: Path | None, steps: int | None
-) -> tuple[RunFolder, TrainingPlan]:
-    """Find the folder of a run; return it and its plan."""
+@contextmanager
+def _run(
+    plan: TrainingPlan | None,
+    task: str | None,
+    out: Path | None,
+    resume: Path | None,
+    steps: int | None,
+) -> Iterator[tuple[RunFolder, TrainingPlan]]:
+    """Make the folder of a new run, or find one; yield it and its plan, for this process alone."""
     from albot_agents.task import find_task
     from albot_agents.training.run_files import RunFolder
 
+    if plan is not None:
+        folder = RunFolder(_new_folder(plan, out))
+        folder.begin(plan, _command(sys.argv[1:]))
+        with folder.locked():
+            yield folder, plan
+        return
     assert resume is not None
     folder = RunFolder(resume)
     task = None if task is None else find_task(task)
-    return folder, folder.resume(task, n_timesteps=steps)
+    with folder.locked():
+        yield folder, folder.resume(task, n_timesteps=steps)
 
 
-def _begin_sweep(plan: TrainingPlan, out: Path | None) -> Sweep:
-    """Make the folder of a sweep; return it, its plan and the run of each trial."""
-    from albot_agents.training.sweep_folder import SweepFolder
+@contextmanager
+def _sweep(
+    plan: TrainingPlan | None,
+    task: str | None,
+    config: Path | None,
+    out: Path | None,
+    resume: Path | None,
+) -> Iterator[Sweep]:
+    """Make the folder of a sweep, or find one; yield it, its plan and the run of each trial.
 
-    folder = SweepFolder(_new_folder(plan, out))
-    return folder, plan, folder.begin(plan, _command(sys.argv[1:]))
-
-
-def _resume_sweep(task: str | None, resume: Path | None) -> Sweep:
-    """Find the folder of a sweep; return it, its plan and the run of each trial."""
+    They are for this process alone.
+    """
     from albot_agents.task import find_task
     from albot_agents.training.sweep_folder import SweepFolder
 
+    if plan is not None:
+        assert config is not None  # No plan of the project's has a sweep.
+        folder = SweepFolder(_new_folder(plan, out))
+        runs = folder.begin(plan, _command(sys.argv[1:]), config)
+        with folder.locked():
+            yield folder, plan, runs
+        return
     assert resume is not None
     folder = SweepFolder(resume)
-    return folder, *folder.resume(None if task is None else find_task(task))
+    task = None if task is None else find_task(task)
+    with folder.locked():
+        yield folder, *folder.resume(task)
 
 
 def _new_folder(plan: TrainingPlan, out: Path | None) -> Path:
@@ -312,7 +330,8 @@ def _has_trials(folder: Path | None) -> bool:
     return folder is not None and SweepFolder(folder).trials.is_file()
 
 
-def _begin_seeds(
+@contextmanager
+def _seeds(
     task: str | None,
     config: Path | None,
     out: Path | None,
@@ -320,21 +339,28 @@ def _begin_seeds(
     seeds: str | None,
     steps: int | None,
     robot: str | None,
-) -> tuple[SeedFolder, dict[int, SeedRun]]:
-    """Make or find the folder of several seeds; return it and the run of each seed."""
+) -> Iterator[tuple[SeedFolder, dict[int, SeedRun]]]:
+    """Make or find the folder of several seeds; yield it and the run of each seed.
+
+    They are for this process alone.
+    """
     from albot_agents.task import find_task
     from albot_agents.training.seed_folder import SeedFolder, parse_seed_list
 
     if resume is not None:
         task = None if task is None else find_task(task)
         folder = SeedFolder(resume)
-        return folder, folder.resume(task, n_timesteps=steps)
+        with folder.locked():
+            yield folder, folder.resume(task, n_timesteps=steps)
+        return
     chosen = parse_seed_list(seeds or "")
     plan = _read_plan(task, config, None, steps, robot)
     if plan.sweep is not None:
         raise InputError("--seeds", "no such option with a plan that has a sweep", seeds or "")
     folder = SeedFolder(_new_folder(plan, out))
-    return folder, folder.begin(plan, chosen, _command(sys.argv[1:]))
+    runs = folder.begin(plan, chosen, _command(sys.argv[1:]))
+    with folder.locked():
+        yield folder, runs
 
 
 def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any]:

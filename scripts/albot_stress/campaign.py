@@ -18,9 +18,10 @@ from typing import Any, NamedTuple, TypeVar
 
 import jsonschema
 
-from albot_agents.registry import EXPLORE, check_agent
+from albot_agents.registry import EXPLORE, agent_names, check_agent, find_agent
 from albot_agents.task import find_task
 from albot_core.errors import InputError, did_you_mean
+from albot_core.files import exists
 from albot_core.mappers.registry import NO_MAPPER, mapper_config, mapper_spec
 from albot_core.plain_data import Location, read_config
 from albot_core.robot import DEFAULT_ROBOT, choose_robot
@@ -34,6 +35,8 @@ from albot_stress.running import Checks, check_episode
 
 NO_FAULTS = "none"
 """The entry of `faults` that stands for nothing."""
+LARGEST_SEED = 2**64 - 1
+"""Largest seed of a world or an episode."""
 _SCHEMA = "albot-campaign.schema.json"
 Value = TypeVar("Value")
 
@@ -127,11 +130,10 @@ class Campaign:
         Args:
             place: Returns the place of a key and an index in a file, for errors.
         """
-        wrong = list(self.world_errors(place))
-        yield from wrong
-        if len(wrong) == len(self.worlds):
+        yield from self.world_errors(place)
+        world = next(self._sound_worlds(), None)
+        if world is None:
             return
-        world = next(self._sound_worlds())
         for index, kind in enumerate(self._kinds()):
             try:
                 check_episode(replace(kind, world=world))
@@ -140,13 +142,18 @@ class Campaign:
                 yield _placed(error, place("agents", agent), _combination(kind))
 
     def world_errors(self, place: Callable[..., str] = lambda *_: "") -> Iterator[InputError]:
-        """Yield which worlds cannot be loaded.
+        """Yield which worlds cannot be loaded, or that the seeds are too large.
 
         Of random worlds, the first of each kind and the last are generated to see it.
 
         Args:
             place: As for `errors`.
         """
+        last = LARGEST_SEED - self.count + 1
+        if self.seed > last:
+            expected = f"{last} or less, because {self.count:,} are counted from it"
+            yield _placed(InputError("seed", expected, str(self.seed)), place("seed"))
+            return
         radius = choose_robot(self.robot or DEFAULT_ROBOT, "robot").radius
         for k, spec in enumerate(self.worlds):
             try:
@@ -288,10 +295,11 @@ class _Reader:
         """Return the campaign; where there was an error, with the default."""
         data, given = self._data, dict(self._data)
         usual = Campaign()
+        task = None
         with self._collected("task"):
-            given["task"] = find_task(data.get("task", usual.task))
+            task = given["task"] = find_task(data.get("task", usual.task))
         if "agents" in data:
-            given["agents"] = self._each("agents", lambda name: self._agent(name, given))
+            given["agents"] = self._each("agents", lambda name: self._agent(name, task))
         if "mappers" in data:
             given["mappers"] = self._each("mappers", self._mapper)
         if "odometers" in data:
@@ -321,11 +329,14 @@ class _Reader:
                 found.append(value)
         return tuple(found)
 
-    def _agent(self, name: str, given: dict[str, Any]) -> str:
-        """Return an agent's name, or the path of its file, checked."""
+    def _agent(self, name: str, task: str | None) -> str:
+        """Return an agent's name, or the path of its file, checked; for any task if it is None."""
         beside = self._path.parent / name
-        name = str(beside) if name.endswith(".zip") and beside.exists() else name
-        check_agent(name, given.get("task", EXPLORE))
+        name = str(beside) if name not in agent_names() and exists(beside) else name
+        if task is None:
+            find_agent(name)
+        else:
+            check_agent(name, task)
         return name
 
     def _mapper(self, entry: str | dict[str, str]) -> MapperChoice:
@@ -344,7 +355,8 @@ class _Reader:
     def _world(self, spec: str) -> str:
         """Return a world's spec; a file is looked for beside the campaign's."""
         beside = self._path.parent / spec
-        return str(beside) if not spec.startswith(PREFIX[:-1]) and beside.is_file() else spec
+        is_file = exists(beside) and beside.is_file()
+        return str(beside) if is_file and not spec.startswith(PREFIX[:-1]) else spec
 
 
 def _check_odometer(name: str) -> str:
@@ -360,7 +372,9 @@ def _check_faults(spec: str) -> str | None:
 
 def _placed(error: InputError, place: str, what: str = "") -> InputError:
     """Return an error whose source is a part of a campaign, at a place in its file."""
-    inner = ", ".join(part for part in (what, error.source, error.place) if part)
+    known = place.rpartition(", ")[2]
+    parts = dict.fromkeys((what, error.source, error.place))
+    inner = ", ".join(part for part in parts if part and part != known)
     return InputError(place or inner, error.expected, error.found, place=inner if place else "")
 
 

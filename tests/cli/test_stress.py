@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -13,9 +14,14 @@ from typing import Any
 
 import pytest
 
+from albot_cli import stress
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
+from albot_env.stress.checks import Finding
 from albot_env.tasks.explore.env import ExploreEnv
+from albot_stress import episodes
+from albot_stress.episodes import Episode
+from albot_stress.running import violated
 from tests.processes import ALBOT, running, wait_until
 
 KEYS = {
@@ -163,6 +169,44 @@ def test_a_campaign_is_shrunk_and_stored(tmp_path: Path):
     assert kept["shrunk"] == found["shrunk"]
 
 
+def test_a_resumed_run_stores_its_violations_where_the_first_one_began_to(tmp_path: Path):
+    """Its folder may be there already: the run may have been killed while it shrank."""
+    what, out = "result[1][:] += 1.0", tmp_path / "deep" / "found"
+    words = (*SHORT, "--shrink", "30", "--rows", "rows", "--out", "deep/found", "--json")
+    done = albot(tmp_path, *words, what=what)
+    assert (done.returncode, done.stderr) == (1, "")
+    (out / "violation-1.mcap").unlink()
+    again = albot(tmp_path, "stress", "--resume", "rows", "--json", "--jobs", "1", what=what)
+    assert (again.returncode, again.stderr) == (1, "")
+    first, second = json.loads(done.stdout), json.loads(again.stdout)
+    assert first["violations"] == second["violations"]
+    assert second["shrunk"][0]["episode"] == "deep/found/violation-1.mcap"
+    assert (out / "violation-1.mcap").is_file()
+
+
+def test_what_cannot_be_stored_is_told_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    episode = Episode(world="square-loop", agent="random", mapper="none", seed=3, steps=9)
+
+    def run(campaign: Any, engine: Any, tally: Any, *rest: Any) -> None:
+        tally.add(violated(episode, 4, [Finding("reward", "is too large")]))
+
+    def shrink(*arguments: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "found")
+
+    monkeypatch.setattr(stress, "_run", run)
+    monkeypatch.setattr(stress, "_shrink", shrink)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["albot", *SHORT, "--shrink", "1", "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capsys.readouterr()
+    assert ended.value.code == 2
+    assert json.loads(shown.out)["violations"][0]["what"] == "is too large"
+    assert "No space left on device" in shown.err
+
+
 @pytest.mark.parametrize(
     ("words", "found"),
     [
@@ -185,6 +229,23 @@ def test_options_that_a_campaign_stands_for(
         main()
     assert ended.value.code == 2
     assert found in capsys.readouterr().err
+
+
+def test_ctrl_c_before_the_first_episode_tells_how_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Planning a hundred thousand episodes takes seconds."""
+
+    def stop(*arguments: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(episodes, "plan_jobs", stop)
+    rows = tmp_path / "rows"
+    monkeypatch.setattr(sys, "argv", ["albot", *SHORT, "--rows", str(rows)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
+    assert f"continue with: albot stress --resume {rows}" in capsys.readouterr().out
 
 
 def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):

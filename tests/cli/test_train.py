@@ -13,12 +13,14 @@ from typing import Any
 
 import pytest
 
-from albot_agents.training import recent_episodes, seed_processes, sweep
+from albot_agents.engine.local import LocalEngine
+from albot_agents.training import recent_episodes, run_files, seed_processes, sweep
 from albot_agents.training.checkpoint import checkpoints
 from albot_agents.training.plan import LARGEST_SEED
 from albot_agents.training.plan_file import read_plan, shipped_plan
 from albot_agents.training.run import TrainingRun
-from albot_agents.training.seed_folder import SeedRun
+from albot_agents.training.run_files import RunFolder
+from albot_agents.training.seed_folder import SeedFolder, SeedRun
 from albot_agents.training.sweep_folder import SweepFolder
 from albot_cli import train
 from albot_cli.main import main
@@ -317,6 +319,7 @@ def test_a_sweep_tells_its_trials_and_goes_on(
     run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sweep, "run_sweep", _swept)
+    monkeypatch.setattr(train, "make_engine", lambda *_: LocalEngine(1))
     plan, folder = plan_file(tmp_path / "plan.yml", sweep=SWEEP), tmp_path / "out"
     status, out, err = run("train", plan, "--out", folder)
     assert (status, out) == (2, "")
@@ -349,6 +352,37 @@ def test_a_sweep_tells_its_trials_and_goes_on(
     status, _, err = run("train", plan, "--out", folder, "--engine", "ray")
     assert status == 2
     assert "found those of several seeds or trials" in err
+
+
+def test_where_no_cluster_answers_no_folder_is_made(run: Albot, tmp_path: Path) -> None:
+    words = ("--engine", "ray", "--address", "localhost:1", "--out", tmp_path / "out")
+    one = plan_file(tmp_path / "one.yml")
+    search = plan_file(tmp_path / "search.yml", sweep=SWEEP)
+    for plan in ((one, "--seeds", "0..1"), (search,)):
+        status, out, err = run("train", *plan, *words)
+        assert (status, out) == (2, "")
+        assert "--address: expected the head of a Ray cluster, found nothing that answers" in err
+        assert not (tmp_path / "out").exists()
+
+
+def test_two_processes_do_not_train_in_one_folder(
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: None
+) -> None:
+    monkeypatch.setattr(run_files, "_PATIENCE", 0.0)
+    monkeypatch.setattr(train, "make_engine", lambda *_: LocalEngine(1))
+    plan, search = plan_file(tmp_path / "plan.yml"), plan_file(tmp_path / "s.yml", sweep=SWEEP)
+    one, some = RunFolder(tmp_path / "run"), SeedFolder(tmp_path / "seeds")
+    swept = SweepFolder(tmp_path / "sweep")
+    one.begin(read_plan(plan), "albot train")
+    some.begin(read_plan(plan), (1, 2), "albot train")
+    swept.begin(read_plan(search), "albot train", search)
+    for folder, words in ((one, ()), (some, ()), (swept, ("--engine", "ray"))):
+        before = {path: path.stat().st_mtime_ns for path in folder.path.rglob("*")}
+        with folder.locked():
+            status, out, err = run("train", "--resume", folder.path, *words)
+        assert (status, out) == (2, "")
+        assert f"{folder.path}: expected a folder that no other process writes into" in err
+        assert {path: path.stat().st_mtime_ns for path in folder.path.rglob("*")} == before
 
 
 def test_the_largest_seed_trains(run: Albot, config: Path, tmp_path: Path) -> None:

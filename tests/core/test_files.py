@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import socket
 import stat
+import sys
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,6 +22,7 @@ from albot_core.files import (
     make_folder,
     new_folder,
     scratch_folder,
+    sole_writer,
     write_text,
 )
 
@@ -174,3 +178,34 @@ def test_a_temporary_file_is_told_from_others(tmp_path: Path) -> None:
         assert not is_left_over(left, (".yml", ".jsonl"))
     for name in (".my.v2.json", "a.json.abcdefgh", ".a.json.swp", ".a.b.c", ".abcdefgh"):
         assert not is_left_over(Path(name), (".json",))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such locks")
+def test_one_writer_at_a_time_and_all_where_there_are_no_locks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import fcntl
+
+    file = tmp_path / "file"
+    with pytest.raises(InputError, match="file not found"), sole_writer(file, tmp_path):
+        pytest.fail("entered")
+    file.write_text("kept")
+    with (
+        sole_writer(file, tmp_path),
+        pytest.raises(InputError, match="expected a folder that no other process writes into"),
+        sole_writer(file, tmp_path),
+    ):
+        pytest.fail("entered twice")
+    with ExitStack() as first:
+        first.enter_context(sole_writer(file, tmp_path))
+        threading.Timer(0.3, first.pop_all().close).start()
+        with sole_writer(file, tmp_path, patience=30.0):
+            pass
+    assert file.read_text() == "kept"
+
+    def none(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with sole_writer(file, tmp_path), sole_writer(file, tmp_path):
+        pass

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import jsonschema
 import pytest
 
+from albot_agents.trained.trained_agent import shipped_agents
 from albot_core.errors import InputError
 from albot_stress.campaign import (
     Campaign,
@@ -61,6 +63,24 @@ def test_a_file_with_everything(tmp_path: Path):
     )
 
 
+def test_files_lie_beside_the_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = tmp_path / "with ä space"
+    folder.mkdir()
+    shutil.copy(shipped_agents()["exploring"], folder / "mine.albot")
+    shutil.copy(shipped_agents()["exploring"], folder / "random")  # No agent of the project's.
+    monkeypatch.chdir(tmp_path)
+    text = "worlds: [square-loop]\nagents: [mine.albot, random]\nmappers: [albot1]\ncount: 1\n"
+    campaign = read_campaign(written(folder, text).relative_to(tmp_path))
+    assert campaign.agents == (str(Path(folder.name, "mine.albot")), "random")
+
+
+def test_no_seed_is_too_large_for_a_row():
+    Campaign(worlds=("square-loop",), agents=("random",), seed=2**64 - 2, count=2).check()
+    campaign = Campaign(worlds=("square-loop",), agents=("random",), seed=2**64 - 2, count=3)
+    with pytest.raises(InputError, match=f"seed: expected {2**64 - 3} or less, because 3 are"):
+        campaign.check()
+
+
 def test_an_empty_file_is_the_default(tmp_path: Path):
     assert read_campaign(written(tmp_path, "# nothing\n")) == Campaign()
 
@@ -112,7 +132,15 @@ def test_the_schema_says_all_that_a_campaign_has():
             "mappers: [albot1]\n",
             ["line 3, agents[0], agent place-judge, mapper albot1, task: expected one in which"],
         ),
-        ("task: exploer\nworlds: [square-loop]\n", ["line 1, task, task: expected one of"]),
+        (
+            "task: exploer\nworlds: [square-loop]\nrobot: kobuky\nagents: [albot1-homing, randm]\n",
+            [
+                "line 1, task: expected one of",
+                "line 3, robot: expected one of",
+                "line 4, agents[1], agent: expected one of",
+            ],
+        ),
+        (f"worlds: [{'x' * 400}]\n", ["line 1, worlds[0], world: expected a file,"]),
         ("[1, 2]\n", ["line 1: expected a mapping, found [1, 2]"]),
     ],
 )

@@ -17,6 +17,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import importlib.util
+import io
 import json
 import math
 import os
@@ -26,7 +27,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -38,10 +39,12 @@ from albot_core.files import (
     read_bytes,
     read_text,
     sole_writer,
+    write_all,
     write_text,
 )
 from albot_core.json_document import parse_json, read_json
 from albot_core.plain_data import Location, read_record
+from albot_core.yaml_document import KeyPath, dotted
 
 MANIFEST, TAIL = "run.json", "rows.jsonl"
 NUMBER = "number"
@@ -59,8 +62,17 @@ _KINDS = {
     "command": str, "words": list[str], "plan": dict[str, Any], "tasks": int, "version": str,
 }  # fmt: skip
 
+_TYPES: Mapping[str, Any] = {
+    "string": str | None, "int64": int | None, "uint64": int | None, "double": float | None,
+    "json": Any,
+}  # fmt: skip
+"""What the values of each type of column are in JSON."""
+_WHOLE = {"int64": range(-(2**63), 2**63), "uint64": range(2**64)}
+"""The whole numbers of each type of column."""
+
 Columns = Mapping[str, str]
-"""Types of the columns by name, as pyarrow names them, or `json` for what has parts."""
+"""Types of the columns by name, of `_TYPES`: as pyarrow names them, or `json` for what has parts.
+"""
 Row = dict[str, Any]
 
 
@@ -115,7 +127,7 @@ class RowsFolder:
     """What is run."""
     columns: Columns
     """The columns beside `NUMBER`."""
-    _tail: IO[bytes] | None = field(default=None, init=False)
+    _tail: io.FileIO | None = field(default=None, init=False)
     _waiting: list[Row] = field(default_factory=list, init=False)
     _bytes: int = field(default=0, init=False)
     _synced: float = field(default=0.0, init=False)
@@ -124,7 +136,8 @@ class RowsFolder:
     def opened(self, *, resume: bool) -> Iterator[dict[int, Row]]:
         """Begin the folder, or go on with it; yield the rows that it has, by number.
 
-        No other process writes into the folder meanwhile. At the end all rows become parts.
+        No other process writes into the folder meanwhile. At the end all rows become parts, however
+        the block ends.
 
         Args:
             resume: Whether the folder is there already.
@@ -140,7 +153,10 @@ class RowsFolder:
             self._begin()
         with sole_writer(self.path / MANIFEST, self.path):
             rows = {row[NUMBER]: row for row in read_rows(self.path, self.columns)}
-            with (self.path / TAIL).open("ab") as self._tail:
+            if max(rows, default=0) >= self.manifest.tasks:
+                expected = f"rows of tasks below {self.manifest.tasks:,}"
+                raise InputError(self.path, expected, f"one of task {max(rows):,}")
+            with (self.path / TAIL).open("ab", buffering=0) as self._tail:
                 self._keep_whole_lines()
                 try:
                     yield rows
@@ -181,8 +197,7 @@ class RowsFolder:
         whole = {NUMBER: number, **row}
         line = json.dumps(whole, allow_nan=False).encode() + b"\n"
         with self._named():
-            self._tail.write(line)
-            self._tail.flush()  # From here on, it outlives this process.
+            self._append(line)  # From here on, it outlives this process.
             if time.monotonic() - self._synced > _SYNCED:
                 os.fsync(self._tail.fileno())
                 self._synced = time.monotonic()
@@ -190,6 +205,15 @@ class RowsFolder:
         self._bytes += len(line)
         if len(self._waiting) >= PART_ROWS or self._bytes >= PART_BYTES:
             self._write_part()
+
+    def _append(self, line: bytes) -> None:
+        """Append a line to `rows.jsonl`, or nothing if the disk is full."""
+        assert self._tail is not None
+        try:
+            write_all(self._tail, line)
+        except OSError:
+            self._tail.truncate(self._bytes)
+            raise
 
     @contextmanager
     def _named(self) -> Iterator[None]:
@@ -261,14 +285,21 @@ def _read_lines(path: Path, columns: Columns, *, torn: bool = False) -> Iterator
     last = lines.pop()
     if last and not torn:
         raise InputError(path, "lines that end with a line feed", "a torn one")
-    kinds = {NUMBER: Any, **dict.fromkeys(columns, Any)}
+    kinds = {NUMBER: int, **{name: _TYPES[kind] for name, kind in columns.items()}}
     for number, line in enumerate(lines, start=1):
         where = _line_location(path, number)
-        yield _checked(read_record(kinds, parse_json(line, path, f"line {number}"), where), where)
+        row = read_record(kinds, parse_json(line, path, f"line {number}"), where)
+        for name, kind in columns.items():
+            if kind in _WHOLE and row[name] is not None and row[name] not in _WHOLE[kind]:
+                raise where.at(name).error(f"a whole number of {kind}", str(row[name]))
+        yield _checked(row, where)
 
 
 def _line_location(path: Path, number: int) -> Location:
-    return Location(path, place=lambda _: f"line {number}")
+    def place(at: KeyPath) -> str:
+        return f"line {number}, {dotted(at)}" if at else f"line {number}"
+
+    return Location(path, place=place)
 
 
 def _read_parquet(path: Path, columns: Columns) -> Iterator[Row]:
@@ -297,8 +328,8 @@ def _read_parquet(path: Path, columns: Columns) -> Iterator[Row]:
 
 
 def _checked(row: Row, where: Location) -> Row:
-    if not isinstance(row[NUMBER], int) or row[NUMBER] < 0:
-        raise where.at(NUMBER).error("the number of a task", repr(row[NUMBER]))
+    if row[NUMBER] is None or row[NUMBER] < 0:
+        raise where.at(NUMBER).error("the number of a task", str(row[NUMBER]))
     return row
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from albot_agents.trained.encoders import ATTENTION, CONVOLUTION, PLANNER, PartE
 from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.off_policy_plan import VALUE_BASED
 from albot_agents.training.plan import ON_POLICY, PolicyPlan, TrainingPlan
+from albot_agents.training.sweep_plan import METRICS
 from albot_core.errors import InputError
 from albot_core.plain_data import Location
 from albot_env.tasks.core.observation import ObservationConfig
@@ -254,3 +256,19 @@ def check_spaces(before: Batch, after: Batch, where: Location) -> None:
         if expected != found:
             kind = "observations" if "observation" in name else "actions"
             raise where.error(f"the same {kind} as before, {expected}", str(found))
+
+
+def check_metric(plan: TrainingPlan, facts: Collection[str], where: Location) -> None:
+    """Raise InputError if the task does not have what makes a trial of the sweep the best.
+
+    Args:
+        plan: The plan.
+        facts: Names of what an info of the task tells.
+        where: Location of the plan.
+    """
+    if plan.sweep is None:
+        return
+    known = ["return", *(name for name, fact in METRICS.items() if fact in facts)]
+    if plan.sweep.metric not in known:
+        expected = f"one of what evaluations of {plan.task} give, {', '.join(known)}"
+        raise where.at("sweep", "metric").error(expected, plan.sweep.metric)

@@ -21,6 +21,7 @@ from albot_agents.training.plan_check import (
     agent_network,
     check_algorithm,
     check_device,
+    check_metric,
     check_policy,
     check_spaces,
 )
@@ -204,7 +205,7 @@ def _check_environments(plan: TrainingPlan, where: Location) -> Any:
             raise place.at("world").error("worlds in evaluation.worlds alone", "some here")
         _read_settings(plan, plan.evaluation.env, place)
         _check_evaluation_worlds(plan, plan.evaluation, where.at("evaluation", "worlds"))
-    batches = []
+    batches: list[Any] = []
     for k, stage in enumerate(plan.stages):
         place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
         settings = stage_settings(plan, stage, place)
@@ -220,6 +221,7 @@ def _check_environments(plan: TrainingPlan, where: Location) -> Any:
         settings = evaluation_settings(plan, place)
         batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
         check_spaces(batches[0], batch, place)
+    check_metric(plan, batches[0].fact_names, where)
     return batches[0]
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,14 @@ from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError, MissingFileError
-from albot_core.files import make_folder, new_folder, read_bytes, write_text
+from albot_core.files import (
+    make_folder,
+    new_folder,
+    read_bytes,
+    sole_writer,
+    write_all,
+    write_text,
+)
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
 
@@ -35,6 +42,9 @@ FIGURES = ("is_success", "spl", "coverage", "distance_home")
 _COLUMNS = ("r", "l", "t", *FIGURES)
 POINTS = 30
 """Number of points of the learning curve over training episodes."""
+_PATIENCE = 10.0
+"""Longest time for which a run waits for another process to leave its folder (s): one whose parent
+was killed ends a little later."""
 Row = Sequence[float | int | None]
 """Return, steps, time since the training began (s), and the `FIGURES`; None if unknown."""
 
@@ -164,6 +174,19 @@ class RunFolder:
             expected = f"at least the {done:,} samples that are done, as the samples in all"
             raise InputError(self.path, expected, f"{n_timesteps:,}", place="--steps")
 
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Let no other process train in the folder during the block.
+
+        Raises:
+            InputError: One does, and goes on for `_PATIENCE`.
+        """
+        if not self.versions.is_file():
+            yield
+            return
+        with sole_writer(self.versions, self.path, _PATIENCE):
+            yield
+
     def is_finished(self, plan: TrainingPlan) -> bool:
         """Return whether the run has all samples of its plan, and the evaluation after the last."""
         try:
@@ -279,7 +302,7 @@ class EpisodeLog:
                 stream.truncate(self.size)
                 stream.seek(self.size)
                 try:
-                    _write_all(stream, lines)
+                    write_all(stream, lines)
                 except OSError:
                     stream.truncate(self.size)
                     raise
@@ -287,12 +310,6 @@ class EpisodeLog:
             raise MissingFileError(self._path) from None
         except OSError as error:
             raise InputError(self._path, "free disk space", error.strerror or str(error)) from None
-
-
-def _write_all(stream: io.FileIO, content: bytes) -> None:
-    """Write all content; on a nearly full disk, `write` first writes a part, then raises."""
-    while content:
-        content = content[stream.write(content) :]
 
 
 def _cell(value: float | int | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from albot_agents.training.plan import LARGEST_SEED, TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_agents.training.run_files import RunFolder
 from albot_core.errors import InputError
-from albot_core.files import new_folder, write_text
+from albot_core.files import new_folder, sole_writer, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
 
@@ -92,6 +93,14 @@ class SeedFolder:
             else:
                 runs[seed] = self._begin(seed, plan, found["command"])
         return runs
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Let no other process train with the seeds of the folder during the block.
+
+        Raises:
+            InputError: One does.
+        """
+        return sole_writer(self.seeds, self.path)
 
     def _begin(self, seed: int, plan: TrainingPlan, command: str) -> SeedRun:
         run, its = self.run(seed), dataclasses.replace(plan, seed=seed)

@@ -163,6 +163,7 @@ def _train(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
         send((samples, note))
 
     try:
-        TrainingRun(folder, plan, send).run(report)
+        with folder.locked():
+            TrainingRun(folder, plan, send).run(report)
     except InputError as error:
         send(error)

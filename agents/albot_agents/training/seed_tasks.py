@@ -103,7 +103,8 @@ def _train(queue: Any, task: tuple[int, SeedRun], on_step: OnStep, /) -> InputEr
         send((samples, note))
 
     try:
-        TrainingRun(folder, plan, send).run(report)
+        with folder.locked():
+            TrainingRun(folder, plan, send).run(report)
     except InputError as error:
         return error
     return None

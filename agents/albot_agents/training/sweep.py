@@ -7,6 +7,7 @@ state is thrown away: a sweep that is resumed tells a new scheduler all evaluati
 from __future__ import annotations
 
 import logging
+import math
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import albot_env
-from albot_agents.engine.engine import RERUNS, Engine
+from albot_agents.engine.engine import RERUNS, Engine, name_error
 from albot_agents.engine.ray_cluster import enter_node
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.seed_folder import SeedRun
@@ -33,6 +34,8 @@ _SETTINGS = {
     "RAY_CHDIR_TO_TRIAL_DIR": "0",
 }
 """Ray Tune's switches: Ctrl-C and the folder are ours, and nothing is told of slow disks."""
+_ERROR = "error"
+"""What a trial that cannot go on tells in its last result."""
 
 
 @runtime_checkable
@@ -69,12 +72,13 @@ def run_sweep(
         What went wrong, by trial; and whether Ctrl-C stopped the sweep.
 
     Raises:
-        InputError: No cluster answers.
+        InputError: No cluster answers, or the folder cannot be written.
     """
     assert plan.sweep is not None
     os.environ.update(_SETTINGS)  # Read when Ray Tune is imported.
-    # It warns that its folder has no results, which are in the folders of the runs.
-    logging.getLogger("ray.tune").setLevel(logging.ERROR)
+    # It warns that its folder has no results, which are in the folders of the runs, and prints the
+    # tracebacks of errors, which are told in a line.
+    logging.getLogger("ray.tune").setLevel(logging.CRITICAL)
     engine.start()
     from ray import tune
 
@@ -82,7 +86,7 @@ def run_sweep(
     over = frozenset(folder.ended)
     shared = _Shared(str(Path.cwd()), albot_env.__version__, metric, over)
     work = tune.with_resources(partial(_train, shared, dict(runs)), {"cpu": 1})
-    told = _callback(folder, plan, reporter)
+    notes = _Notes(folder, plan, reporter)
     with _scratch(folder.tune):
         tuner = tune.Tuner(
             work,
@@ -98,7 +102,7 @@ def run_sweep(
                 name="sweep",
                 storage_path=str(folder.tune.absolute()),
                 failure_config=tune.FailureConfig(max_failures=RERUNS),
-                callbacks=[told],
+                callbacks=[_callback(notes)],
                 verbose=0,
             ),
         )
@@ -106,8 +110,10 @@ def run_sweep(
             tuner.fit()
         except KeyboardInterrupt:
             engine.close()  # Otherwise the trials would go on.
-            return told.errors, True
-    return told.errors, False
+            return notes.errors, True
+    if notes.fault is not None:
+        raise notes.fault
+    return notes.errors, False
 
 
 @dataclass(frozen=True)
@@ -125,23 +131,33 @@ class _Shared:
 
 
 def _train(shared: _Shared, runs: Mapping[int, SeedRun], config: Mapping[str, Any]) -> None:
-    """Train in the process of a trial; tell Ray Tune of each evaluation."""
+    """Train in the process of a trial; tell Ray Tune of each evaluation, or of the error."""
+    from ray import tune
+
+    try:
+        _train_trial(shared, runs, int(config["trial"]))
+    except Exception as error:  # noqa: BLE001  (Ray Tune would run it again, to no avail)
+        said = str(error) if isinstance(error, InputError) else name_error(error)
+        tune.report({"samples": 0, shared.metric: -math.inf, _ERROR: said})
+
+
+def _train_trial(shared: _Shared, runs: Mapping[int, SeedRun], trial: int) -> None:
+    """Train; tell Ray Tune of each evaluation.
+
+    Raises:
+        InputError: The training cannot go on.
+    """
     from ray import tune
 
     from albot_agents.training.run import TrainingRun  # Slow to load: PyTorch.
 
     enter_node(shared.folder, shared.version)
-    trial = int(config["trial"])
     folder, plan = runs[trial]
     told = 0
 
     def tell(curve: Mapping[str, list[float]]) -> None:
         nonlocal told
         samples = curve.get("samples", [])
-        if samples and shared.metric not in curve:
-            known = [name for name in curve if name != "samples"]
-            expected = f"one of what evaluations of {plan.task} give, {', '.join(known)}"
-            raise InputError("sweep.metric", expected, shared.metric)
         while told < len(samples):
             told += 1
             figures = {name: values[told - 1] for name, values in curve.items()}
@@ -150,10 +166,11 @@ def _train(shared: _Shared, runs: Mapping[int, SeedRun], config: Mapping[str, An
     if trial in shared.over or folder.is_finished(plan):
         tell(SweepFolder(folder.path.parent, values=[{}] * len(runs)).curve(trial))
         return
-    run = TrainingRun(folder, plan)
-    tell(run.evaluated)
-    run.run(lambda samples, note: tell(run.evaluated))
-    tell(run.evaluated)
+    with folder.locked():
+        run = TrainingRun(folder, plan)
+        tell(run.evaluated)
+        run.run(lambda samples, note: tell(run.evaluated))
+        tell(run.evaluated)
 
 
 def _scheduler(sweep: SweepPlan, plan: TrainingPlan) -> Any:
@@ -176,48 +193,81 @@ def _scheduler(sweep: SweepPlan, plan: TrainingPlan) -> Any:
     return fifo()
 
 
-def _callback(folder: SweepFolder, plan: TrainingPlan, reporter: Reporter) -> Any:
-    """Return what Ray Tune calls; `errors` holds what went wrong, by trial."""
+class _Notes:
+    """Tells of progress and errors, and notes which trials the scheduler has ended.
+
+    Args:
+        folder: The folder of the sweep.
+        plan: Its plan.
+        reporter: Receives the progress.
+    """
+
+    def __init__(self, folder: SweepFolder, plan: TrainingPlan, reporter: Reporter) -> None:
+        assert plan.sweep is not None
+        self._folder, self._whole, self._reporter = folder, plan.n_timesteps, reporter
+        self._metric = plan.sweep.metric
+        self._samples: dict[int, int] = {}
+        self._best: tuple[float, int] | None = None
+        self._failed: set[int] = set()
+        self.errors: dict[int, str] = {}
+        """What went wrong, by trial."""
+        self.fault: Exception | None = None
+        """Why the folder could not be written; None if it could."""
+
+    def add(self, trial: int, result: Mapping[str, Any]) -> None:
+        """Note an evaluation of a trial, or that it cannot go on."""
+        if _ERROR in result:
+            self._failed.add(trial)
+            self.fail(trial, result[_ERROR])
+            return
+        score = result[self._metric], -trial
+        self._samples[trial] = int(result["samples"])
+        self._best = score if self._best is None else max(self._best, score)
+        self._report()
+
+    def end(self, trial: int) -> None:
+        """Note that a trial has come to its end or was ended by the scheduler."""
+        if trial in self._failed:
+            return
+        self.errors.pop(trial, None)  # It died, and was run again.
+        if self._samples.get(trial, 0) < self._whole:
+            try:
+                self._folder.end(trial)
+            except (InputError, OSError) as error:
+                self.fault = error  # Ray Tune would take it for one of the trial.
+        self._samples[trial] = self._whole
+        self._report()
+
+    def fail(self, trial: int, said: str) -> None:
+        """Note that a trial cannot go on, or that its process died."""
+        if trial not in self.errors:
+            self.errors[trial] = said
+            self._reporter.warn(f"trial {trial}: {said}")
+
+    def _report(self) -> None:
+        note = ""
+        if self._best is not None:
+            note = f"best {self._metric} {self._best[0]:.2f}, trial {-self._best[1]}"
+        self._reporter.progress(sum(self._samples.values()), note)
+
+
+def _callback(notes: _Notes) -> Any:
+    """Return what Ray Tune calls."""
     from ray import tune
 
-    assert plan.sweep is not None
-    metric = plan.sweep.metric
-
     class Told(tune.Callback):
-        """Tells of progress and errors, and notes which trials the scheduler has ended."""
-
-        def __init__(self) -> None:
-            self.errors: dict[int, str] = {}
-            self._samples: dict[int, int] = {}
-            self._best: tuple[float, int] | None = None
+        """Hands on what Ray Tune tells."""
 
         def on_trial_result(
             self, iteration: int, trials: Any, trial: Any, result: dict[str, Any], **info: Any
         ) -> None:
-            number, score = trial.config["trial"], (result[metric], -trial.config["trial"])
-            self._samples[number] = int(result["samples"])
-            self._best = score if self._best is None else max(self._best, score)
-            self._report()
+            notes.add(trial.config["trial"], result)
 
         def on_trial_complete(self, iteration: int, trials: Any, trial: Any, **info: Any) -> None:
-            number = trial.config["trial"]
-            self.errors.pop(number, None)
-            if self._samples.get(number, 0) < plan.n_timesteps:
-                folder.end(number)
-            self._samples[number] = plan.n_timesteps
-            self._report()
+            notes.end(trial.config["trial"])
 
         def on_trial_error(self, iteration: int, trials: Any, trial: Any, **info: Any) -> None:
-            number = trial.config["trial"]
-            if number not in self.errors:
-                self.errors[number] = _told_error(trial)
-                reporter.warn(f"trial {number}: {self.errors[number]}")
-
-        def _report(self) -> None:
-            note = ""
-            if self._best is not None:
-                note = f"best {metric} {self._best[0]:.2f}, trial {-self._best[1]}"
-            reporter.progress(sum(self._samples.values()), note)
+            notes.fail(trial.config["trial"], _told_error(trial))
 
     return Told()
 

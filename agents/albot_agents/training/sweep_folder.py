@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,10 @@ from albot_agents.training.plan_file import read_plan, save_plan, try_plan
 from albot_agents.training.run_files import RunFolder
 from albot_agents.training.seed_folder import SeedRun
 from albot_core.errors import InputError
-from albot_core.files import new_folder, write_text
+from albot_core.files import new_folder, sole_writer, write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, deep_merge, read_config, read_record, to_plain
-from albot_core.yaml_document import format_value
+from albot_core.yaml_document import dotted, format_value
 
 TRIAL_FOLDERS = "trial-"
 """Beginning of the names of the runs' folders."""
@@ -58,8 +59,13 @@ class SweepFolder:
         width = len(str(max(0, len(self.values) - 1)))
         return RunFolder(self.path / f"{TRIAL_FOLDERS}{trial:0{width}}")
 
-    def begin(self, plan: TrainingPlan, command: str) -> dict[int, SeedRun]:
+    def begin(self, plan: TrainingPlan, command: str, source: Path) -> dict[int, SeedRun]:
         """Make the folders of new runs; return the run of each trial.
+
+        Args:
+            plan: The plan.
+            command: The command that begins it.
+            source: The file of the plan, for errors.
 
         Raises:
             InputError: The folder holds runs already, or cannot be written, or the values of a
@@ -71,7 +77,9 @@ class SweepFolder:
                 expected = f"a folder without runs (or --resume {self.path})"
                 raise InputError(self.path, expected, file.name)
         self.values, self.command = plan.sweep.draw(plan.seed), command
-        plans = [trial_plan(plan, number, values) for number, values in enumerate(self.values)]
+        plans = [
+            trial_plan(plan, number, values, source) for number, values in enumerate(self.values)
+        ]
         with new_folder(self.path):
             save_plan(plan, self.plan)
             self._write()
@@ -105,7 +113,7 @@ class SweepFolder:
         for number in begun:
             self.run(number).check(task, tried=False)
         new = {
-            number: trial_plan(plan, number, values)
+            number: trial_plan(plan, number, values, self.plan)
             for number, values in enumerate(self.values)
             if number not in begun
         }
@@ -117,6 +125,14 @@ class SweepFolder:
             else:
                 runs[number] = self._begin(number, new[number])
         return plan, runs
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Let no other process run the sweep of the folder during the block.
+
+        Raises:
+            InputError: One does.
+        """
+        return sole_writer(self.plan, self.path)
 
     def end(self, trial: int) -> None:
         """Note that the scheduler has ended a trial.
@@ -151,20 +167,24 @@ class SweepFolder:
         write_text(self.trials, json.dumps(content | {"command": self.command}) + "\n")
 
 
-def trial_plan(plan: TrainingPlan, number: int, values: Mapping[str, Any]) -> TrainingPlan:
+def trial_plan(
+    plan: TrainingPlan, number: int, values: Mapping[str, Any], source: Path
+) -> TrainingPlan:
     """Return the plan of a trial.
 
     Args:
         plan: The plan of the sweep.
         number: Number of the trial, for errors.
         values: The values of the trial, by the name of the field.
+        source: The file of the plan of the sweep, for errors.
 
     Raises:
         InputError: There is no such field, or its value does not fit.
     """
     assert plan.evaluation is not None
     told = ", ".join(f"{name} {format_value(value)}" for name, value in values.items())
-    where = Location(f"sweep, trial {number} with {told}")
+    told = f"sweep, trial {number} with {told}"
+    where = Location(source, place=lambda path: ", ".join(filter(None, (told, dotted(path)))))
     # With each evaluation comes a checkpoint, so that none is forgotten by a kill.
     every = min(plan.checkpoint_every, plan.evaluation.every)
     data = to_plain(dataclasses.replace(plan, sweep=None, checkpoint_every=every))

@@ -15,6 +15,8 @@ from albot_core.ranges import FINITE, FROM_ONE, Range, check_fields
 
 _TRIALS = Range("a whole number from 1 to 10000", 1.0, 1e4, whole=True)
 _FACTOR = Range("a number above 1", 1.0, beyond=True)
+METRICS = {"success_rate": "is_success", "spl": "spl"}
+"""The name in an info of each metric but the return."""
 _FIXED = ("task", "seed", "n_timesteps", "evaluation", "checkpoint_every", "sweep")
 """Fields that are the same in all trials, so that these can be compared."""
 
@@ -49,6 +51,8 @@ class SearchSpace:
             if self.whole and not float(bound).is_integer():
                 raise InputError(f"SearchSpace.{name}", "a whole number", f"{bound:g}")
         low, high = self.bounds
+        if not math.isfinite(high - low):
+            raise InputError("SearchSpace.high", "a finite distance from low", f"{high:g}")
         if not low < high:
             raise InputError("SearchSpace.high", f"more than low, {low:g}", f"{high:g}")
         if self.log and low <= 0:
@@ -94,9 +98,9 @@ class SweepPlan:
     """What makes a trial the best: its mean over the episodes of an evaluation. Those that the task
     does not have are an error."""
     scheduler: Literal["asha", "median", "none"] = "asha"
-    """Which trials end early: `asha` for asynchronous successive halving (Li et al.,
-    arXiv:1810.05934), which goes on with the best of those that came as far; `median` for those
-    whose mean is above the median of the others (Golovin et al., KDD 2017); `none` for no trial."""
+    """Which trials end early: by `asha`, asynchronous successive halving (Li et al.,
+    arXiv:1810.05934), all but the best of those that came as far; by `median`, those whose best is
+    below the median of the others' means (Golovin et al., KDD 2017); by `none`, no trial."""
     grace: int | None = None
     """Samples of each trial before it may be ended; None for those to its first evaluation."""
     reduction: float = 4.0
@@ -110,6 +114,10 @@ class SweepPlan:
             if name.partition(".")[0] in _FIXED:
                 expected = f"fields that may differ: not {', '.join(_FIXED)}"
                 raise InputError("SweepPlan.parameters", expected, name)
+            within = next((each for each in self.parameters if each.startswith(f"{name}.")), None)
+            if within is not None:
+                expected = "each field once, alone or within another"
+                raise InputError("SweepPlan.parameters", expected, f"{name} and {within}")
         if self.grace is not None:
             check_fields(self, FROM_ONE, "grace")
         check_fields(self, _FACTOR, "reduction")

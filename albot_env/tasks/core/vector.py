@@ -250,6 +250,11 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         )
 
     @property
+    def fact_names(self) -> frozenset[str]:
+        """Names of what an info tells of the task."""
+        return frozenset(self._robots.facts)
+
+    @property
     def journeys(self) -> Journeys[Any] | None:
         """The journeys made before episodes begin; None if the task has none."""
         return self._robots.journeys

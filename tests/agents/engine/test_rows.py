@@ -40,7 +40,7 @@ HAS_ARROW = importlib.util.find_spec("pyarrow") is not None
 
 def folder_of(path: Path, **plan: Any) -> RowsFolder:
     whole = {"seed": 3, **plan}
-    manifest = Manifest(command="stress", words=["--seed", "3"], plan=whole, tasks=100)
+    manifest = Manifest(command="stress", words=["--seed", "3"], plan=whole, tasks=100_000)
     return RowsFolder(path=path, manifest=manifest, columns=COLUMNS)
 
 
@@ -181,6 +181,17 @@ def test_others_are_refused_and_nothing_is_changed(tmp_path: Path) -> None:
         (b"[]\n", "line 1"),
         (b'{"number": -1, "name": "", "seed": 0, "length": 0.0, "found": []}\n', "-1"),
         (b"\xff\n", "line 1"),
+        (b'{"number": 1, "name": 3, "seed": 0, "length": 0.0, "found": []}\n', "line 1, name.* 3"),
+        (b'{"number": 1, "name": "", "seed": 0, "length": "x", "found": []}\n', "length.* x"),
+        (
+            b'{"number": 1, "name": "", "seed": -1, "length": 0.0, "found": []}\n',
+            "seed.*uint64",
+        ),
+        (b'{"number": true, "name": "", "seed": 0, "length": 0.0, "found": []}\n', "number.*true"),
+        (
+            b'{"number": 1, "name": "", "seed": 0, "length": 0.0}\n',
+            "1, found: expected",
+        ),
     ],
 )
 def test_a_damaged_tail_names_its_line(tmp_path: Path, content: bytes, found: str) -> None:
@@ -193,6 +204,18 @@ def test_a_damaged_tail_names_its_line(tmp_path: Path, content: bytes, found: st
         folder_of(path).opened(resume=True),
     ):
         pytest.fail("opened")
+
+
+def test_a_row_of_a_task_that_is_none_is_refused(tmp_path: Path, packs: bool) -> None:
+    path = tmp_path / "rows"
+    with folder_of(path).opened(resume=False):
+        pass
+    content = json.dumps({"number": 100_000, **row(1)}) + "\n"
+    (path / TAIL).write_text(content)
+    expected = "rows: expected rows of tasks below 100,000, found one of task 100,000"
+    with pytest.raises(InputError, match=expected), folder_of(path).opened(resume=True):
+        pytest.fail("opened")
+    assert (path / TAIL).read_text() == content
 
 
 @pytest.mark.skipif(not HAS_ARROW, reason="pyarrow is not installed")
@@ -270,3 +293,33 @@ def test_no_other_data_becomes_a_value(plain: Any) -> None:
         value_of(plain)
     with pytest.raises(TypeError):
         plain_value(object())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of files")
+def test_a_disk_that_is_full_in_the_middle_of_a_row_is_named_and_loses_no_other(
+    tmp_path: Path, packs: bool
+) -> None:
+    import resource
+
+    folder, size = folder_of(tmp_path / "rows"), 1000
+    before, most = resource.getrlimit(resource.RLIMIT_FSIZE), 0
+    with folder.opened(resume=False):
+        pass
+    with (
+        pytest.raises(OSError, match=r"rows\.jsonl") as caught,
+        folder.opened(resume=True),
+    ):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            for number in range(100):
+                folder.add(number, row(number))
+                most = number
+        finally:
+            kept = (folder.path / TAIL).read_bytes()
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert caught.value.errno == errno.EFBIG
+    assert kept.endswith(b"\n")
+    assert 0 < len(kept) <= size
+    assert len(kept.splitlines()) == most + 1
+    with folder.opened(resume=True) as known:
+        assert list(known) == list(range(most + 1))

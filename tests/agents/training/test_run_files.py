@@ -77,7 +77,7 @@ def test_a_full_disk_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.Monk
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(run_files, "_write_all", full)
+        patch.setattr(run_files, "write_all", full)
         with pytest.raises(InputError, match="No space left on device"):
             file.add([(2.0, 3, 0.5)])
     assert (tmp_path / "monitor.csv").stat().st_size == file.size == whole
@@ -173,16 +173,11 @@ def test_damaged_evaluations_are_refused(
     Evaluations(trained[1], path, 64).close()
 
 
-def test_a_write_in_parts_is_whole() -> None:
-    class Slow:
-        """Takes three bytes at a time."""
+def test_a_write_in_parts_is_whole(tmp_path: Path) -> None:
+    class Slow(io.FileIO):
+        def write(self, content: Any) -> int:
+            return super().write(content[:3])
 
-        taken = b""
-
-        def write(self, content: bytes) -> int:
-            self.taken += content[:3]
-            return min(3, len(content))
-
-    stream: Any = Slow()
-    run_files._write_all(stream, b"0123456789")
-    assert stream.taken == b"0123456789"
+    with Slow(tmp_path / "file", "wb") as stream:
+        run_files.write_all(stream, b"0123456789")
+    assert (tmp_path / "file").read_bytes() == b"0123456789"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import math
 import os
 import shutil
 import signal
@@ -18,10 +20,11 @@ import pytest
 import albot_env
 from albot_agents.engine.ray_cluster import RayEngine
 from albot_agents.trained.agent_file import read_agent
+from albot_agents.training import run_files
 from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
-from albot_agents.training.sweep import _Shared, _train, run_sweep
+from albot_agents.training.sweep import _Notes, _Shared, _train, run_sweep
 from albot_agents.training.sweep_folder import SweepFolder
 from albot_core.errors import InputError
 from tests.agents.training.conftest import Trained
@@ -69,7 +72,7 @@ def _begun(folder: Path, **sweep: Any) -> tuple[SweepFolder, Any, Any]:
     path = plan_file(folder / "plan.yml", TINY, sweep=search | {"metric": "return"} | sweep)
     plan = read_plan(path)
     found = SweepFolder(folder / "out")
-    return found, plan, found.begin(plan, "albot train plan.yml --engine ray")
+    return found, plan, found.begin(plan, "albot train plan.yml --engine ray", path)
 
 
 def test_the_best_trials_are_trainings_like_any_and_the_others_end_early(
@@ -122,12 +125,12 @@ def test_after_ctrl_c_a_sweep_goes_on(engine: RayEngine, tmp_path: Path) -> None
             assert again.curve(number)[name][: len(known)] == known
 
 
-def test_a_trial_that_was_ended_tells_its_evaluations_and_a_lacking_metric_is_an_error(
+def test_a_trial_that_was_ended_tells_its_evaluations_and_one_that_cannot_go_on_its_error(
     engine: RayEngine, trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from ray import tune
 
-    told: list[dict[str, float]] = []
+    told: list[dict[str, Any]] = []
     monkeypatch.setattr(tune, "report", told.append)
     run = RunFolder(Path(shutil.copytree(trained[0].path, tmp_path / "trial-0")))
     runs = {0: (run, replace(trained[1], n_timesteps=1_000_000))}
@@ -136,10 +139,54 @@ def test_a_trial_that_was_ended_tells_its_evaluations_and_a_lacking_metric_is_an
     _train(shared, runs, {"trial": 0})
     assert [figures["samples"] for figures in told] == [32, 64]
     assert run.last.read_bytes() == before
-    with pytest.raises(InputError, match=r"sweep.metric: expected one of what .* found coverage"):
-        _train(replace(shared, metric="coverage"), runs, {"trial": 0})
-    with pytest.raises(InputError, match="expected albot-env 0 on all nodes"):
-        _train(replace(shared, version="0"), runs, {"trial": 0})
+    _train(replace(shared, version="0"), runs, {"trial": 0})
+    assert "expected albot-env 0 on all nodes" in told[-1]["error"]
+    with run.locked():
+        monkeypatch.setattr(run_files, "_PATIENCE", 0.0)
+        _train(replace(shared, over=frozenset()), runs, {"trial": 0})
+    assert "expected a folder that no other process writes into" in told[-1]["error"]
+
+
+def test_a_trial_that_cannot_go_on_is_told_once_and_the_others_go_on(
+    engine: RayEngine, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder, plan, runs = _begun(tmp_path, scheduler="none")
+    (runs[0][0].path / "tensorboard").write_text("no folder")
+    notes = Notes()
+    errors, stopped = run_sweep(folder, plan, runs, engine, notes)
+    assert (list(errors), stopped) == ([0], False)
+    assert notes.warned == [f"trial 0: {errors[0]}"]
+    assert "FileExistsError" in errors[0]
+    assert folder.ended == ()
+    assert runs[1][0].is_finished(runs[1][1])
+    assert "Traceback" not in "".join(capfd.readouterr())
+
+
+def test_what_ray_tune_tells_is_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, plan, _ = _begun(tmp_path)
+    notes = Notes()
+    told = _Notes(folder, plan, notes)
+    told.add(0, {"samples": plan.n_timesteps, "return": 2.0})
+    told.end(0)
+    told.add(1, {"samples": 32, "return": 1.0})
+    told.end(1)
+    assert list(folder.ended) == [1]
+    assert notes.told[-1] == (2 * plan.n_timesteps, "best return 2.00, trial 0")
+    assert told.fault is None
+
+    def full(self: SweepFolder, trial: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(self.trials))
+
+    monkeypatch.setattr(SweepFolder, "end", full)
+    told.add(1, {"samples": 32, "return": 1.0})
+    told.end(1)
+    assert "No space left on device" in str(told.fault)
+    told.add(0, {"samples": 0, "return": -math.inf, "error": "it is gone"})
+    told.end(0)
+    assert (told.errors, notes.warned) == ({0: "it is gone"}, ["trial 0: it is gone"])
+    told.fail(1, "its node died")
+    told.end(1)  # It was run again.
+    assert list(told.errors) == [0]
 
 
 @pytest.mark.parametrize(
@@ -165,7 +212,7 @@ def test_folders_with_runs_are_not_begun_anew_and_trials_that_never_began_are_ma
 ) -> None:
     folder, plan, runs = _begun(tmp_path)
     with pytest.raises(InputError, match=r"without runs \(or --resume .*out\), found sweep.json"):
-        SweepFolder(folder.path).begin(plan, "")
+        SweepFolder(folder.path).begin(plan, "", tmp_path / "plan.yml")
     shutil.rmtree(runs[1][0].path)
     _, again = SweepFolder(folder.path).resume(None)
     assert again[1][1] == runs[1][1]

@@ -117,6 +117,11 @@ def test_a_plan_with_a_search_is_written_and_read_back(tmp_path: Path) -> None:
         ({"parameters": RATE, "trials": 0}, "a whole number from 1 to 10000, found 0"),
         ({"parameters": RATE, "scheduler": "ashe"}, "one of asha, median, none, found .*ashe"),
         ({"parameters": RATE, "reduction": 1}, "a number above 1, found 1"),
+        (
+            {"parameters": {"policy": {"choices": [{}]}, "policy.net_arch": {"choices": [[4]]}}},
+            "each field once, alone or within another, found policy and policy.net_arch",
+        ),
+        ({"parameters": {"gamma": {"low": -1e308, "high": 1e308}}}, "a finite distance from low"),
         ({"parameters": RATE, "grace": 65}, "a grace of at most n_timesteps, 64, found 65"),
     ],
 )
@@ -136,7 +141,7 @@ def test_without_evaluations_nothing_can_be_searched(tmp_path: Path) -> None:
 def test_a_trial_differs_in_its_values_alone(tmp_path: Path) -> None:
     plan = _read(tmp_path, parameters=RATE)
     values = {"learning_rate": 0.25, "policy.net_arch": [4], "env.config.outing.longest": 3}
-    found, expected = to_plain(trial_plan(plan, 0, values)), to_plain(plan)
+    found, expected = to_plain(trial_plan(plan, 0, values, Path("a.yml"))), to_plain(plan)
     expected |= {"sweep": None, "learning_rate": 0.25}
     expected["policy"]["net_arch"] = [4]
     expected["env"]["config"]["outing"]["longest"] = 3
@@ -148,7 +153,7 @@ def test_a_trial_differs_in_its_values_alone(tmp_path: Path) -> None:
     [
         (
             {"learning_rte": 0.1},
-            r"sweep, trial 7 with learning_rte 0.1, learning_rte: expected one of .*learning_rate",
+            r"a\.yml, sweep, trial 7 with learning_rte 0.1, learning_rte: expected one of .*, le",
         ),
         ({"n_steps": 7}, "trial 7 with n_steps 7, batch_size: expected a divisor of n_envs"),
         ({"policy.lstm_size": 16}, "lstm_size 128, the default, because ppo does not use it"),
@@ -161,4 +166,22 @@ def test_values_that_do_not_fit_are_refused(
 ) -> None:
     plan = _read(tmp_path, parameters=RATE)
     with pytest.raises(InputError, match=message):
-        trial_plan(plan, 7, values)
+        trial_plan(plan, 7, values, Path("a.yml"))
+
+
+def test_a_metric_that_the_task_lacks_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    explore = {"task": "Albot/Explore-v0", "env": {"world": "square-loop", "mapper": "none"}}
+    evaluation = {"worlds": ["square-loop"], "seeds": 0, "every": 32}
+    for metric in ("success_rate", "spl"):
+        sweep = {"parameters": RATE, "metric": metric}
+        path = plan_file(tmp_path / "plan.yml", TINY | explore, evaluation=evaluation, sweep=sweep)
+        expected = f"line .*sweep.metric: expected one of .* give, return, found {metric}"
+        with pytest.raises(InputError, match=expected):
+            read_plan(path)
+    path = plan_file(
+        tmp_path / "plan.yml",
+        TINY | explore,
+        evaluation=evaluation,
+        sweep={"parameters": RATE, "metric": "return"},
+    )
+    assert read_plan(path).sweep is not None
