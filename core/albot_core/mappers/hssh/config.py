@@ -28,9 +28,9 @@ class PlaceConfig:
     """Root mean square distance of the ends of matched gateways, at most (m)."""
     surface_error: float = 0.2
     """Largest distance between a point on a wall and the same wall on another visit (m)."""
-    overlap: float = 0.7
-    """Smallest share of the points on walls that must be found again: the paper's match of the
-    local maps. 0 matches the stars alone."""
+    overlap: float = 0.75
+    """Smallest share of the points on walls of one visit that must be found again on the other: the
+    paper's match of the local maps. 0 matches the stars alone."""
     around: float = 3.0
     """Largest distance of these points from the middle of the place (m)."""
     points: int = 120
@@ -57,7 +57,7 @@ class HsshConfig:
 
     matching: MatchingConfig = field(default_factory=MatchingConfig)
     """Matching of a scan with the latest ones: localisation in the local perceptual map."""
-    grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.1, reach=8.0))
+    grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.05, reach=8.0))
     """The cells of the local perceptual map."""
     half: float = 8.0
     """Half the side of the square around the robot that the local perceptual map covers (m)."""

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from albot_core.geometry.poses import compose, transform_points
+from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.gateways import WALL, Ground, continuations
-from albot_core.mappers.hssh.map_tree import Travel
+from albot_core.mappers.hssh.map_tree import Common, TopologicalMap, Travel
 from albot_core.mappers.hssh.star import Star
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.schema import Arrays, Field, Schema
@@ -38,6 +38,9 @@ class Visit(NamedTuple):
     """The middle of the most open ground of the place (m)."""
     gateways: Segments
     """The gateways, counter-clockwise, each with the place to its left (m)."""
+    unknown: tuple[int, ...]
+    """Where more gateways may lie, as nothing was seen: k for between gateway k and the one
+    before."""
     surface: Points
     """Points on the walls of the place (m)."""
 
@@ -48,7 +51,7 @@ class Visit(NamedTuple):
 
     def star(self, straight: float) -> Star:
         """Return the local topology."""
-        return Star(*continuations(self.gateways, straight))
+        return Star(*continuations(self.gateways, straight), unknown=self.unknown)
 
 
 class Alignment(NamedTuple):
@@ -59,7 +62,8 @@ class Alignment(NamedTuple):
     error: float
     """Root mean square distance of the gateways' ends (m)."""
     overlap: float
-    """Share of the points on walls that are found again: of the map that finds fewer."""
+    """Share of the points on walls that are found again: of the map of which more are, since the
+    other one may show more of the place."""
 
 
 def surface_of(
@@ -97,20 +101,21 @@ def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
     return pose, float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
 
 
-def align(later: Visit, earlier: Visit, shift: int, reach: float) -> Alignment:
+def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignment:
     """Align two visits' local maps: by the gateways, and then by the points on walls near by.
 
     Args:
         later: The later visit.
         earlier: The earlier one.
-        shift: Gateway k of the later one is gateway k + shift of the earlier one.
+        common: The pairs of gateways, of the later and of the earlier one, that are the same.
         reach: Largest distance of a point from the same wall (m).
     """
-    if not len(later.gateways):
+    if not common:
         pose, error = np.array((*(earlier.middle - later.middle), 0.0)), 0.0
     else:
-        onto = np.roll(earlier.gateways, -shift, axis=0)
-        pose, error = rigid_fit(later.gateways.reshape(-1, 2), onto.reshape(-1, 2))
+        ours, theirs = np.array(common).T
+        lines, onto = later.gateways[ours], earlier.gateways[theirs]
+        pose, error = rigid_fit(lines.reshape(-1, 2), onto.reshape(-1, 2))
     if not len(later.surface) or not len(earlier.surface):
         return Alignment(pose, error, 1.0)
     tree = KDTree(earlier.surface)
@@ -124,7 +129,7 @@ def align(later: Visit, earlier: Visit, shift: int, reach: float) -> Alignment:
     moved = transform_points(pose, later.surface)
     forth = np.mean(tree.query(moved)[0] < reach)
     back = np.mean(KDTree(moved).query(earlier.surface)[0] < reach)
-    return Alignment(pose, error, float(min(forth, back)))
+    return Alignment(pose, error, float(max(forth, back)))
 
 
 class Visits(Stored):
@@ -134,7 +139,7 @@ class Visits(Stored):
         config: All parameters.
     """
 
-    SCHEMA = Schema(parts=("_table", "_gateways", "_surfaces"))
+    SCHEMA = Schema(parts=("_table", "_gateways", "_arms", "_surfaces"))
 
     def __init__(self, config: HsshConfig) -> None:
         self._config = config
@@ -146,19 +151,21 @@ class Visits(Stored):
             Field("left", "", int, least=-1),
             Field("middle", "2"),
             Field("gateways", "", int, least=0, sums="gateways"),
+            Field("arms", "", int, least=0, sums="arms"),
             Field("surface", "", int, least=0, sums="surfaces"),
         )
         self._gateways = Table("gateways", Field("line", "4"))
+        self._arms = Table("arms", Field("before", "", int, least=0))
         self._surfaces = Table("surfaces", Field("point", "2"))
         self.clear()
 
     def clear(self) -> None:
         """Forget all visits."""
-        for table in (self._table, self._gateways, self._surfaces):
+        for table in (self._table, self._gateways, self._arms, self._surfaces):
             table.clear()
         self._visits: list[Visit] = []
         self._stars: list[Star] = []
-        self._alignments: dict[tuple[int, int, int], Alignment] = {}
+        self._alignments: dict[tuple[int, int, Common], Alignment] = {}
 
     def __len__(self) -> int:
         return len(self._visits)
@@ -195,18 +202,18 @@ class Visits(Stored):
         self._stars[-1] = visit.star(self._config.gateways.straight)
         return before != (self._stars[-1], visit.arrived)
 
-    def alignment(self, later: int, earlier: int, shift: int) -> Alignment:
+    def alignment(self, later: int, earlier: int, common: Common) -> Alignment:
         """Return how a visit's local map lies on that of an earlier visit."""
-        key = later, earlier, shift
+        key = later, earlier, common
         if key not in self._alignments:
             reach = self._config.places.surface_error
-            self._alignments[key] = align(self[later], self[earlier], shift, reach)
+            self._alignments[key] = align(self[later], self[earlier], common, reach)
         return self._alignments[key]
 
-    def judge(self, first: int, shift: int) -> bool:
+    def judge(self, first: int, common: Common) -> bool:
         """Return whether the last visit can be to the place that was first visited at `first`."""
         places, last = self._config.places, len(self) - 1
-        found = self.alignment(last, first, shift)
+        found = self.alignment(last, first, common)
         if found.error > places.gateway_error or found.overlap < places.overlap:
             return False
         if math.isinf(places.drift):
@@ -215,18 +222,20 @@ class Visits(Stored):
         return float(np.hypot(*moved)) <= 1.0 + places.drift * (self[last].way - self[first].way)
 
     def _stored(self) -> dict[str, np.ndarray]:
-        self._table.clear()
-        self._gateways.clear()
-        self._surfaces.clear()
+        for table in (self._table, self._gateways, self._arms, self._surfaces):
+            table.clear()
         for visit in self._visits:
             fields = visit._asdict()
             self._table.append(
                 **{k: fields[k] for k in ("entered", "way", "arrived", "left", "middle")},
                 gateways=len(visit.gateways),
+                arms=len(visit.unknown),
                 surface=len(visit.surface),
             )
             for line in visit.gateways:
                 self._gateways.append(line=line)
+            for arm in visit.unknown:
+                self._arms.append(before=arm)
             for point in visit.surface:
                 self._surfaces.append(point=point)
         return {}
@@ -239,10 +248,11 @@ class Visits(Stored):
 
 def visits_of(state: Arrays) -> list[Visit]:
     """Return the visits that a state holds."""
-    lines, points = state["gateways.line"], state["surfaces.point"]
-    visits, line, point = [], 0, 0
+    lines, points, arms = state["gateways.line"], state["surfaces.point"], state["arms.before"]
+    visits, line, point, arm = [], 0, 0, 0
     for k in range(len(state["visits.entered"])):
         more, shown = int(state["visits.gateways"][k]), int(state["visits.surface"][k])
+        unseen = int(state["visits.arms"][k])
         visits.append(
             Visit(
                 entered=int(state["visits.entered"][k]),
@@ -251,30 +261,48 @@ def visits_of(state: Arrays) -> list[Visit]:
                 left=int(state["visits.left"][k]),
                 middle=state["visits.middle"][k].copy(),
                 gateways=lines[line : line + more].copy(),
+                unknown=tuple(arms[arm : arm + unseen].tolist()),
                 surface=points[point : point + shown].copy(),
             )
         )
-        line, point = line + more, point + shown
+        line, point, arm = line + more, point + shown, arm + unseen
     return visits
 
 
-def frames_of(
-    visits: Visits, numbers: list[tuple[int, int, int]]
-) -> Float64[np.ndarray, "visits 3"]:
+def frames_of(visits: Visits, leaf: TopologicalMap) -> Float64[np.ndarray, "visits 3"]:
     """Return the metric layout of a map: the pose of each visit's odometry frame in the map.
 
     A place lies where the odometry put it at its first visit; a later visit is laid on it.
 
     Args:
         visits: The visits.
-        numbers: For each visit the first visit to its place, the shift of its gateways, and itself.
+        leaf: The map.
     """
-    frames = np.zeros((len(numbers), 3))
-    for number, (first, shift, _) in enumerate(numbers):
-        if number == 0:
-            continue
+    frames = np.zeros((len(leaf.visits), 3))
+    for number, visit in enumerate(leaf.visits):
+        first = leaf.firsts[visit.place]
         if first == number:
-            frames[number] = frames[number - 1]
+            frames[number] = frames[number - 1] if number else 0.0
         else:
-            frames[number] = compose(frames[first], visits.alignment(number, first, shift).pose)
+            found = visits.alignment(number, first, leaf.common(number))
+            frames[number] = compose(frames[first], found.pose)
     return frames
+
+
+def gateways_of(
+    visits: Visits, leaf: TopologicalMap, frames: Float64[np.ndarray, "visits 3"]
+) -> list[Float64[np.ndarray, "gateways 4"]]:
+    """Return the gateways of each place in its order, in the map's frame (m).
+
+    A gateway lies where it was seen first.
+
+    Args:
+        visits: The visits.
+        leaf: The map.
+        frames: Its layout.
+    """
+    lines = [np.zeros((star.gateways, 4)) for star in leaf.stars]
+    for number in range(len(leaf.visits) - 1, -1, -1):
+        place, gateways = leaf.visits[number]
+        lines[place][list(gateways)] = transform_segments(frames[number], visits[number].gateways)
+    return lines
