@@ -53,14 +53,14 @@ class Visit(NamedTuple):
 Common = tuple[tuple[int, int], ...]
 """The gateways of one visit that are those of another, in pairs."""
 
-Judge = Callable[[int, Common], bool]
+Judge = Callable[[int, Common, bool], bool]
 """Whether the latest visit can be to the place that was first visited at a visit, with these common
-gateways: the place for evidence besides the stars, such as the local maps. It is asked where a
-travel closes a loop; where it follows a way that the map knows, the star is enough, unless it fits
-in several ways."""
+gateways: the place for evidence besides the stars, such as the local maps. The third argument is
+whether the travel closes a loop. Else it follows a way that the map knows; the paper then asks the
+star alone."""
 
 
-def anything(first: int, common: Common) -> bool:
+def anything(first: int, common: Common, closes_loop: bool) -> bool:
     """Accept every match: the stars alone decide."""
     return True
 
@@ -264,7 +264,7 @@ class TopologicalMap:
         for place, star in enumerate(self.stars):
             for merge in merges(travel.star, star, travel.arrived):
                 leaf = self._closed(travel, place, merge, beside)
-                if leaf is not None and judge(self.firsts[place], leaf.common()):
+                if leaf is not None and judge(self.firsts[place], leaf.common(), True):
                     yield leaf
         yield self._with_new_place(here, travel)
 
@@ -278,11 +278,11 @@ class TopologicalMap:
             for merge in merges(travel.star, self.stars[place], travel.arrived)
             if merge.seen[travel.arrived] == merge.known[number]
         ]
-        leaves = [leaf for leaf in leaves if leaf._comes_once(place)]
-        if len(leaves) <= 1:
-            return leaves
-        judged = [leaf for leaf in leaves if judge(self.firsts[place], leaf.common())]
-        return judged or leaves
+        return [
+            leaf
+            for leaf in leaves
+            if leaf._comes_once(place) and judge(self.firsts[place], leaf.common(), False)
+        ]
 
     def _closed(
         self, travel: Travel, place: int, merge: Merge, beside: set[Gateway] | None

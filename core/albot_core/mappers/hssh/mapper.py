@@ -19,7 +19,14 @@ from albot_core.mappers.hssh.layers import place_graph
 from albot_core.mappers.hssh.map_tree import OPEN, Gateway, MapTree, TopologicalMap
 from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap
 from albot_core.mappers.hssh.state import RULES, rows_of, tree_of
-from albot_core.mappers.hssh.visits import Visit, Visits, frames_of, gateways_of, surface_of
+from albot_core.mappers.hssh.visits import (
+    Visit,
+    Visits,
+    frames_of,
+    gateways_of,
+    open_ground_of,
+    surface_of,
+)
 from albot_core.mappers.hssh.way_home import Routes, routes_home
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
 from albot_core.mappers.schema import Arrays, Field, Pack, Schema
@@ -143,6 +150,7 @@ class Hssh(StoredMapper):
             gateways=np.empty((0, 4)),
             unknown=(0,),
             surface=np.empty((0, 2)),
+            open_ground=np.empty((0, 2)),
         )
 
     # The local topology.
@@ -163,12 +171,23 @@ class Hssh(StoredMapper):
         if gateway < 0:
             return False
         self._visits.amend(visit._replace(left=gateway))
-        self._end_visit()
+        self._misses = 0
+        self._version += 1
         return True
 
+    @property
+    def _known(self) -> int:
+        """Number of visits that the tree knows."""
+        return 0 if self._tree is None else 1 + len(self._tree.travels)
+
     def _end_visit(self) -> None:
-        """Extend the tree by the visit that has ended."""
+        """Extend the tree by the last visit, now that the robot has come to another place.
+
+        A robot that turns round on its way has not left: that is no travel action.
+        """
         number = len(self._visits) - 1
+        if self._known > number:
+            return
         before = self._best.visits if self._best is not None else ()
         forgotten = 0
         agrees = True
@@ -193,9 +212,6 @@ class Hssh(StoredMapper):
                 switched=int(before[:number] != best.visits[:number]),
             )
         )
-        self._misses = 0
-        self._believe(best)
-        self._version += 1
 
     def _search(self) -> None:
         """Search the local perceptual map for gateways, and for the place around the robot."""
@@ -224,8 +240,23 @@ class Hssh(StoredMapper):
         arrived = self._entrance(region, last)
         if arrived < 0:
             return
+        if self._is_back(region, arrived, last):
+            self._visits.amend(last._replace(left=-1))
+            self._version += 1
+            return
+        self._end_visit()
         self._visits.begin(self._nothing())
         self._perceive(ground, region, arrived)
+
+    def _is_back(self, region: Region, arrived: int, last: Visit) -> bool:
+        """Return whether the robot has turned round, and comes back by the gateway it left by."""
+        if self._known >= len(self._visits):
+            return False
+        left, came = last.gateways[last.left], region.gateways[arrived]
+        away = float(np.hypot(*(region.middles[arrived] - last.middles[last.left])))
+        return away <= self.config.places.near and bool(
+            np.dot(left[2:] - left[:2], came[2:] - came[:2]) > 0.0
+        )
 
     def _entrance(self, region: Region, last: Visit) -> int:
         """Return the gateway through which the robot came into a region; -1 if it is not known.
@@ -245,8 +276,8 @@ class Hssh(StoredMapper):
         if best >= 0 or self._misses < _PATIENCE:
             self._misses += best < 0
             return best
-        if region.is_narrow(self.config.gateways):
-            return -1  # A corridor of which one end lies beyond the local map.
+        if not region.is_whole:
+            return -1  # That gateway may not have been seen yet.
         left = last.middles[last.left]
         return int(np.argmin(np.hypot(*(region.middles - left).T)))
 
@@ -289,6 +320,7 @@ class Hssh(StoredMapper):
             gateways=region.gateways,
             unknown=region.unknown,
             surface=surface_of(ground, region.peak, places.around, places.points),
+            open_ground=open_ground_of(ground, region.peak, places.around),
         )
         self._visits.amend(visit)
         self._preview()
@@ -465,7 +497,7 @@ class Hssh(StoredMapper):
         self._tree = tree_of(state, self.config)
         if not self._poses:
             return
-        if self._is_away:
+        if self._known == len(self._visits):
             self._believe(None if self._tree is None else self._tree.best)
         else:
             self._preview()

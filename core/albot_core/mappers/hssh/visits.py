@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.poses import compose, inverse, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.hssh.config import HsshConfig
-from albot_core.mappers.hssh.gateways import WALL, Ground, continuations
+from albot_core.mappers.hssh.gateways import FREE, WALL, Ground, continuations
 from albot_core.mappers.hssh.map_tree import Common, TopologicalMap, Travel
 from albot_core.mappers.hssh.star import Star
 from albot_core.mappers.ratslam.arrays import Table
@@ -21,6 +21,10 @@ from albot_core.mappers.stored import Stored
 
 _STEPS = 8
 """Steps of the alignment of the local maps."""
+_DIFFERS = 0.6
+"""Overlap below which two local maps are not of one place."""
+_SPACING = 0.3
+"""Distance of the points that are kept of the free ground (m)."""
 
 
 class Visit(NamedTuple):
@@ -43,6 +47,8 @@ class Visit(NamedTuple):
     before."""
     surface: Points
     """Points on the walls of the place (m)."""
+    open_ground: Points
+    """Points on its free ground (m)."""
 
     @property
     def middles(self) -> Points:
@@ -62,8 +68,8 @@ class Alignment(NamedTuple):
     error: float
     """Root mean square distance of the gateways' ends (m)."""
     overlap: float
-    """Share of the points on walls that are found again: of the map of which more are, since the
-    other one may show more of the place."""
+    """Share of the points on walls that are found again, of those that the other map knows: where
+    it has neither a wall nor free ground, nothing was seen."""
 
 
 def surface_of(
@@ -81,6 +87,23 @@ def surface_of(
     points = points[np.hypot(*(points - middle).T) <= reach]
     step = max(math.ceil(len(points) / max(most, 1)), 1)
     return np.asarray(points[::step][:most], np.float64)
+
+
+def open_ground_of(
+    ground: Ground, middle: Float64[np.ndarray, "2"], reach: float
+) -> Float64[np.ndarray, "points 2"]:
+    """Return points on the free ground around a place, in a grid of `_SPACING` (m).
+
+    Args:
+        ground: The part of the local map.
+        middle: The middle of the place (m).
+        reach: Largest distance from there (m).
+    """
+    step = max(round(_SPACING / ground.cell), 1)
+    points = ground.centres(step * np.argwhere(ground.states[::step, ::step] == FREE))
+    # The walls beside the outermost points must be within reach.
+    inside = np.hypot(*(points - middle).T) <= reach - _SPACING
+    return np.asarray(points[inside], np.float64)
 
 
 def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
@@ -110,14 +133,27 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
         common: The pairs of gateways, of the later and of the earlier one, that are the same.
         reach: Largest distance of a point from the same wall (m).
     """
-    if not common:
-        pose, error = np.array((*(earlier.middle - later.middle), 0.0)), 0.0
-    else:
-        ours, theirs = np.array(common).T
-        lines, onto = later.gateways[ours], earlier.gateways[theirs]
-        pose, error = rigid_fit(lines.reshape(-1, 2), onto.reshape(-1, 2))
+    lines, onto = (
+        (
+            visit.gateways[list(chosen)].reshape(-1, 2)
+            for visit, chosen in zip((later, earlier), zip(*common, strict=True), strict=False)
+        )
+        if common
+        else (later.middle[None], earlier.middle[None])
+    )
+    pose, error = rigid_fit(lines, onto)
+    starts = [pose]
+    if error > reach:  # Some gateways lie elsewhere in the place than on the other visit.
+        starts += [rigid_fit(lines[k : k + 2], onto[k : k + 2])[0] for k in range(0, len(lines), 2)]
     if not len(later.surface) or not len(earlier.surface):
         return Alignment(pose, error, 1.0)
+    found = [_laid_on(later, earlier, start, reach) for start in starts]
+    pose, overlap = max(found, key=lambda each: each[1])
+    return Alignment(pose, error, overlap)
+
+
+def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float]:
+    """Return the pose and overlap of local maps, by the points on walls near one another."""
     tree = KDTree(earlier.surface)
     for _ in range(_STEPS):
         moved = transform_points(pose, later.surface)
@@ -127,9 +163,20 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
             break
         pose, _ = rigid_fit(later.surface[close], earlier.surface[nearest[close]])
     moved = transform_points(pose, later.surface)
-    forth = np.mean(tree.query(moved)[0] < reach)
-    back = np.mean(KDTree(moved).query(earlier.surface)[0] < reach)
-    return Alignment(pose, error, float(max(forth, back)))
+    found, missed = _agreement(tree, earlier.open_ground, moved, reach)
+    back = transform_points(inverse(pose), earlier.surface)
+    more, fewer = _agreement(KDTree(later.surface), later.open_ground, back, reach)
+    return pose, (found + more) / max(found + more + missed + fewer, 1)
+
+
+def _agreement(walls: KDTree, free: Points, points: Points, reach: float) -> tuple[int, int]:
+    """Return how many points on walls another map has as a wall, and how many as free ground."""
+    is_wall = walls.query(points)[0] < reach
+    others = points[~is_wall]
+    if not len(free) or not len(others):
+        return int(is_wall.sum()), 0
+    is_free = KDTree(free).query(others)[0] < _SPACING * math.sqrt(0.5)
+    return int(is_wall.sum()), int(is_free.sum())
 
 
 class Visits(Stored):
@@ -139,7 +186,7 @@ class Visits(Stored):
         config: All parameters.
     """
 
-    SCHEMA = Schema(parts=("_table", "_gateways", "_arms", "_surfaces"))
+    SCHEMA = Schema(parts=("_table", "_gateways", "_arms", "_surfaces", "_open"))
 
     def __init__(self, config: HsshConfig) -> None:
         self._config = config
@@ -153,15 +200,17 @@ class Visits(Stored):
             Field("gateways", "", int, least=0, sums="gateways"),
             Field("arms", "", int, least=0, sums="arms"),
             Field("surface", "", int, least=0, sums="surfaces"),
+            Field("free", "", int, least=0, sums="open"),
         )
         self._gateways = Table("gateways", Field("line", "4"))
         self._arms = Table("arms", Field("before", "", int, least=0))
         self._surfaces = Table("surfaces", Field("point", "2"))
+        self._open = Table("open", Field("point", "2"))
         self.clear()
 
     def clear(self) -> None:
         """Forget all visits."""
-        for table in (self._table, self._gateways, self._arms, self._surfaces):
+        for table in (self._table, self._gateways, self._arms, self._surfaces, self._open):
             table.clear()
         self._visits: list[Visit] = []
         self._stars: list[Star] = []
@@ -210,11 +259,22 @@ class Visits(Stored):
             self._alignments[key] = align(self[later], self[earlier], common, reach)
         return self._alignments[key]
 
-    def judge(self, first: int, common: Common) -> bool:
-        """Return whether the last visit can be to the place that was first visited at `first`."""
+    def is_alike(self, found: Alignment) -> bool:
+        """Return whether two visits' gateways and local maps lie on one another."""
+        places = self._config.places
+        return found.error <= places.gateway_error and found.overlap >= places.overlap
+
+    def judge(self, first: int, common: Common, closes_loop: bool) -> bool:
+        """Return whether the last visit can be to the place that was first visited at `first`.
+
+        Where no loop is closed, only local maps that differ widely tell that it cannot: a gateway
+        was taken for another one (ours).
+        """
         places, last = self._config.places, len(self) - 1
         found = self.alignment(last, first, common)
-        if found.error > places.gateway_error or found.overlap < places.overlap:
+        if not closes_loop:
+            return found.overlap >= min(places.overlap, _DIFFERS)
+        if not self.is_alike(found):
             return False
         if math.isinf(places.drift):
             return True
@@ -222,7 +282,7 @@ class Visits(Stored):
         return float(np.hypot(*moved)) <= 1.0 + places.drift * (self[last].way - self[first].way)
 
     def _stored(self) -> dict[str, np.ndarray]:
-        for table in (self._table, self._gateways, self._arms, self._surfaces):
+        for table in (self._table, self._gateways, self._arms, self._surfaces, self._open):
             table.clear()
         for visit in self._visits:
             fields = visit._asdict()
@@ -231,6 +291,7 @@ class Visits(Stored):
                 gateways=len(visit.gateways),
                 arms=len(visit.unknown),
                 surface=len(visit.surface),
+                free=len(visit.open_ground),
             )
             for line in visit.gateways:
                 self._gateways.append(line=line)
@@ -238,6 +299,8 @@ class Visits(Stored):
                 self._arms.append(before=arm)
             for point in visit.surface:
                 self._surfaces.append(point=point)
+            for point in visit.open_ground:
+                self._open.append(point=point)
         return {}
 
     def _restored(self, state: Arrays) -> None:
@@ -248,31 +311,37 @@ class Visits(Stored):
 
 def visits_of(state: Arrays) -> list[Visit]:
     """Return the visits that a state holds."""
-    lines, points, arms = state["gateways.line"], state["surfaces.point"], state["arms.before"]
-    visits, line, point, arm = [], 0, 0, 0
-    for k in range(len(state["visits.entered"])):
-        more, shown = int(state["visits.gateways"][k]), int(state["visits.surface"][k])
-        unseen = int(state["visits.arms"][k])
-        visits.append(
-            Visit(
-                entered=int(state["visits.entered"][k]),
-                way=float(state["visits.way"][k]),
-                arrived=int(state["visits.arrived"][k]),
-                left=int(state["visits.left"][k]),
-                middle=state["visits.middle"][k].copy(),
-                gateways=lines[line : line + more].copy(),
-                unknown=tuple(arms[arm : arm + unseen].tolist()),
-                surface=points[point : point + shown].copy(),
-            )
+
+    def parts(array: str, counts: str) -> list[np.ndarray]:
+        return [part.copy() for part in np.split(state[array], np.cumsum(state[counts])[:-1])]
+
+    if not len(state["visits.entered"]):
+        return []
+    lines = parts("gateways.line", "visits.gateways")
+    arms = parts("arms.before", "visits.arms")
+    walls = parts("surfaces.point", "visits.surface")
+    free = parts("open.point", "visits.free")
+    return [
+        Visit(
+            entered=int(state["visits.entered"][k]),
+            way=float(state["visits.way"][k]),
+            arrived=int(state["visits.arrived"][k]),
+            left=int(state["visits.left"][k]),
+            middle=state["visits.middle"][k].copy(),
+            gateways=lines[k],
+            unknown=tuple(arms[k].tolist()),
+            surface=walls[k],
+            open_ground=free[k],
         )
-        line, point, arm = line + more, point + shown, arm + unseen
-    return visits
+        for k in range(len(lines))
+    ]
 
 
 def frames_of(visits: Visits, leaf: TopologicalMap) -> Float64[np.ndarray, "visits 3"]:
     """Return the metric layout of a map: the pose of each visit's odometry frame in the map.
 
-    A place lies where the odometry put it at its first visit; a later visit is laid on it.
+    A place lies where the odometry put it at its first visit; a later visit is laid on it. Where
+    their gateways do not lie alike, the odometry since the last visit counts (ours).
 
     Args:
         visits: The visits.
@@ -281,11 +350,11 @@ def frames_of(visits: Visits, leaf: TopologicalMap) -> Float64[np.ndarray, "visi
     frames = np.zeros((len(leaf.visits), 3))
     for number, visit in enumerate(leaf.visits):
         first = leaf.firsts[visit.place]
-        if first == number:
-            frames[number] = frames[number - 1] if number else 0.0
-        else:
+        frames[number] = frames[number - 1] if number else 0.0
+        if first != number:
             found = visits.alignment(number, first, leaf.common(number))
-            frames[number] = compose(frames[first], found.pose)
+            if visits.is_alike(found):
+                frames[number] = compose(frames[first], found.pose)
     return frames
 
 

@@ -196,14 +196,14 @@ def test_evidence_besides_the_stars_prunes():
     tree = MapTree(BEND)
     seen = []
 
-    def judge(first: int, common: Common) -> bool:
-        seen.append((first, common))
+    def judge(first: int, common: Common, closes_loop: bool) -> bool:
+        seen.append((first, common, closes_loop))
         return False
 
     for _ in range(4):
         tree.travel(Travel(1, BEND, 0), judge)
     assert [each.places for each in tree.maps] == [5]
-    assert (0, ((0, 0), (1, 1))) in seen
+    assert (0, ((0, 0), (1, 1)), True) in seen
 
 
 def test_the_limit_forgets_the_least_preferred_and_says_so():
