@@ -169,7 +169,12 @@ def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Po
     return pose, (found + more) / max(found + more + missed + fewer, 1)
 
 
-def _agreement(walls: KDTree, free: Points, points: Points, reach: float) -> tuple[int, int]:
+def _agreement(
+    walls: KDTree,
+    free: Float64[np.ndarray, "free 2"],
+    points: Float64[np.ndarray, "walls 2"],
+    reach: float,
+) -> tuple[int, int]:
     """Return how many points on walls another map has as a wall, and how many as free ground."""
     is_wall = walls.query(points)[0] < reach
     others = points[~is_wall]

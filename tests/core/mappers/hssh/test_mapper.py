@@ -80,6 +80,18 @@ def test_the_poses_are_those_that_were_driven(back):
     assert np.hypot(*(back.corrected_poses() - true)[:, :2].T).max() < 0.15
 
 
+def test_a_robot_that_turns_round_on_its_way_has_not_left():
+    """In a corridor whose far end is out of sight."""
+    walls = walls_of(((0, 0, 4, 4), (4, 1.5, 24, 2.5)))
+    out = [*TURN, *DRIVE * 18]
+    away = led(out, walls)
+    assert [away.visits[k].left for k in range(len(away.visits))] == [0]
+    assert away.events == ()
+    mapper = led([*out, *BACK, *DRIVE * 16], walls)
+    assert [mapper.visits[k].left for k in range(len(mapper.visits))] == [-1]
+    assert mapper.believed_map.places == 1
+
+
 def test_one_room_only():
     room = walls_of(ROOMS[:1])
     mapper = led([*TURN, *DRIVE * 4], room)
