@@ -125,6 +125,7 @@ def report(seeds: range, found: dict[str, list[Found]]) -> Report:
     every = [each for plans in found.values() for each in plans]
     others = [each for name in names[1::2] for each in found[name]]
     measured: dict[str, Figures] = {
+        "seeds": len(seeds),
         "plans": len(found),
         "doors": sum(each.doors for each in every) // len(seeds),
         **_figures(every, "", len(seeds)),

@@ -43,7 +43,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 def report(seeds: range, outcomes: Mapping[str, Sequence[Outcome]]) -> Report:
     """Return the report of these episodes."""
-    measured: dict[str, Figures] = {}
+    measured: dict[str, Figures] = {"seeds": len(seeds)}
     verdicts = {}
     for name, ends in outcomes.items():
         figures = summarise(ends)

@@ -132,6 +132,7 @@ def report(seeds: range, drives: Mapping[str, Sequence[Drive]], figure: Figure) 
         "planar_maps": len(planar.maps),
         "minimal_planar_maps": len(planar.minimal),
         "correct_map_is_minimal": correct,
+        "seeds": len(seeds),
         "milliseconds": 1000.0 * spent,
         **{name: _figures(each) for name, each in drives.items()},
     }

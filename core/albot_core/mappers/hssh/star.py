@@ -48,8 +48,9 @@ class Star:
         self.unknown = frozenset(int(arm) for arm in unknown)
 
     def __eq__(self, other: object) -> bool:
-        is_star = isinstance(other, Star)
-        return is_star and (self.continues, self.unknown) == (other.continues, other.unknown)
+        if not isinstance(other, Star):
+            return NotImplemented
+        return (self.continues, self.unknown) == (other.continues, other.unknown)
 
     @cached_property
     def _hash(self) -> int:
