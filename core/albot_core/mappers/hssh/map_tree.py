@@ -263,10 +263,18 @@ class TopologicalMap:
         beside = set(self.face(here)) if planar else None
         for place, star in enumerate(self.stars):
             for merge in merges(travel.star, star, travel.arrived):
+                if not judge(self.firsts[place], self._common_by(place, merge), True):
+                    continue
                 leaf = self._closed(travel, place, merge, beside)
-                if leaf is not None and judge(self.firsts[place], leaf.common(), True):
+                if leaf is not None:
                     yield leaf
         yield self._with_new_place(here, travel)
+
+    def _common_by(self, place: int, merge: Merge) -> Common:
+        """Return the gateways that a visit has in common with the first one, by a merge."""
+        first = self.visits[self.firsts[place]].gateways
+        at = {merge.known[each]: k for k, each in enumerate(first)}
+        return tuple((k, at[each]) for k, each in enumerate(merge.seen) if each in at)
 
     def _along_known_way(
         self, travel: Travel, there: Gateway, judge: Judge
@@ -402,8 +410,18 @@ class MapTree:
         self.maps = maps[: self.config.limit]
         return True
 
-    def preview(self, travel: Travel, judge: Judge = anything) -> list[TopologicalMap]:
+    def preview(
+        self,
+        travel: Travel,
+        judge: Judge = anything,
+        some: Sequence[TopologicalMap] | None = None,
+    ) -> list[TopologicalMap]:
         """Return the maps that a travel would leave, the preferred ones first; keep the tree.
+
+        Args:
+            travel: The travel.
+            judge: Evidence besides the stars.
+            some: The maps to extend; None for all.
 
         Raises:
             InputError: There is no such gateway.
@@ -412,7 +430,8 @@ class MapTree:
         self._check("left", travel.left, before)
         self._check("arrived", travel.arrived, travel.star)
         planar = self.config.planar
-        maps = [more for each in self.maps for more in each.extended(travel, planar, judge)]
+        maps = self.maps if some is None else some
+        maps = [more for each in maps for more in each.extended(travel, planar, judge)]
         return sorted(maps, key=lambda each: each.rank)
 
     @staticmethod

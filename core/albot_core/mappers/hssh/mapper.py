@@ -333,7 +333,8 @@ class Hssh(StoredMapper):
             self._believe(None)
             return
         travel = self._visits.travel(number)
-        maps = self._tree.preview(travel, self._visits.judge)
+        # All maps are extended at the end of the visit only, for speed.
+        maps = self._tree.preview(travel, self._visits.judge, self._tree.minimal[:1])
         self._believe(maps[0] if maps else self._tree.best.repaired(travel))
 
     # What is believed.

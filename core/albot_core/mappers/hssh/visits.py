@@ -133,14 +133,7 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
         common: The pairs of gateways, of the later and of the earlier one, that are the same.
         reach: Largest distance of a point from the same wall (m).
     """
-    lines, onto = (
-        (
-            visit.gateways[list(chosen)].reshape(-1, 2)
-            for visit, chosen in zip((later, earlier), zip(*common, strict=True), strict=False)
-        )
-        if common
-        else (later.middle[None], earlier.middle[None])
-    )
+    lines, onto = _paired(later, earlier, common)
     pose, error = rigid_fit(lines, onto)
     starts = [pose]
     if error > reach:  # Some gateways lie elsewhere in the place than on the other visit.
@@ -150,6 +143,14 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
     found = [_laid_on(later, earlier, start, reach) for start in starts]
     pose, overlap = max(found, key=lambda each: each[1])
     return Alignment(pose, error, overlap)
+
+
+def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Points]:
+    """Return the ends of the common gateways of two visits; without any the places' middles."""
+    if not common:
+        return later.middle[None], earlier.middle[None]
+    ours, theirs = (list(chosen) for chosen in zip(*common, strict=True))
+    return later.gateways[ours].reshape(-1, 2), earlier.gateways[theirs].reshape(-1, 2)
 
 
 def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float]:
@@ -272,19 +273,32 @@ class Visits(Stored):
     def judge(self, first: int, common: Common, closes_loop: bool) -> bool:
         """Return whether the last visit can be to the place that was first visited at `first`.
 
-        Where no loop is closed, only local maps that differ widely tell that it cannot: a gateway
-        was taken for another one (ours).
+        Between places that were not seen whole, one common gateway is too little evidence to close
+        a loop (ours). Where no loop is closed, only local maps that differ widely tell that it
+        cannot: a gateway was taken for another one (ours).
         """
         places, last = self._config.places, len(self) - 1
-        found = self.alignment(last, first, common)
         if not closes_loop:
+            found = self.alignment(last, first, common)
             return found.overlap >= min(places.overlap, _DIFFERS)
-        if not self.is_alike(found):
+        is_seen = self._stars[last].is_whole and self._stars[first].is_whole
+        if places.overlap > 0.0 and not is_seen and len(common) < 2:
             return False
+        # The gateways first: laying the local maps on one another takes far longer.
+        pose, error = rigid_fit(*_paired(self[last], self[first], common))
+        if error > places.gateway_error or self._drift(pose, first) > 1.0:
+            return False
+        found = self.alignment(last, first, common)
+        return self.is_alike(found) and self._drift(found.pose, first) <= 0.0
+
+    def _drift(self, pose: Pose, first: int) -> float:
+        """Return by how much the odometry's error would be too large (m)."""
+        places, last = self._config.places, self[len(self) - 1]
         if math.isinf(places.drift):
-            return True
-        moved = transform_points(found.pose, self[last].middle) - self[last].middle
-        return float(np.hypot(*moved)) <= 1.0 + places.drift * (self[last].way - self[first].way)
+            return 0.0
+        moved = transform_points(pose, last.middle) - last.middle
+        most = 1.0 + places.drift * (last.way - self[first].way)
+        return float(np.hypot(*moved)) - most
 
     def _stored(self) -> dict[str, np.ndarray]:
         for table in (self._table, self._gateways, self._arms, self._surfaces, self._open):
