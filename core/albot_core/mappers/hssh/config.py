@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from albot_core.mappers.hssh.gateways import GatewayConfig
@@ -28,17 +27,18 @@ class PlaceConfig:
     """Root mean square distance of the ends of matched gateways, at most (m)."""
     surface_error: float = 0.2
     """Largest distance between a point on a wall and the same wall on another visit (m)."""
-    overlap: float = 0.7
-    """Smallest share of the points on walls that must be found again: the paper's match of the
-    local maps. 0 matches the stars alone."""
+    overlap: float = 0.8
+    """Smallest share of the points on walls that must be found again, of those of which the other
+    visit saw anything: the paper's match of the local maps. 0 matches the stars alone."""
     around: float = 3.0
     """Largest distance of these points from the middle of the place (m)."""
     points: int = 120
     """Largest number of points on walls that are kept of a visit."""
-    drift: float = math.inf
-    """Largest error of the odometry as a share of the distance driven since the earlier visit.
-    Hypotheses that need more are refused. Infinity, as in the paper: the topological map does not
-    depend on the metric layout."""
+    drift: float = 0.05
+    """Largest error of the odometry as a share of the distance driven since the earlier visit, and
+    1 m besides. Hypotheses that need more are refused, which is ours: in an office of equal rooms
+    too many are left otherwise. Infinity, as in the paper: the topological map does not depend on
+    the metric layout."""
     claim: float = 1.0
     """Largest distance from a reading of an earlier visit at which the robot is believed to be
     where it was (m)."""
@@ -57,7 +57,7 @@ class HsshConfig:
 
     matching: MatchingConfig = field(default_factory=MatchingConfig)
     """Matching of a scan with the latest ones: localisation in the local perceptual map."""
-    grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.1, reach=8.0))
+    grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.05, reach=8.0))
     """The cells of the local perceptual map."""
     half: float = 8.0
     """Half the side of the square around the robot that the local perceptual map covers (m)."""

@@ -351,6 +351,9 @@ class Region:
 
     gateways: Segments
     """The gateways around it, counter-clockwise, each with the region to its left (m)."""
+    unknown: tuple[int, ...]
+    """Where its border was not seen, and the robot may fit through: k for between gateway k and the
+    one before."""
     inside: Bool[np.ndarray, "rows columns"]
     """Whether each cell belongs to it: the distinguishing region, where the robot is at the place.
     On the ground beyond a gateway it is under way along a path (the control region)."""
@@ -358,6 +361,11 @@ class Region:
     """The middle of its most open ground (m)."""
     clearance: float
     """Distance from there to the nearest wall (m)."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the region was seen to its border."""
+        return not self.unknown
 
     @property
     def middles(self) -> Points:
@@ -381,7 +389,7 @@ class Region:
 
 
 def region_around(
-    ground: Ground, narrows: Narrows, robot: Float64[np.ndarray, "2"]
+    ground: Ground, narrows: Narrows, robot: Float64[np.ndarray, "2"], narrowest: float = 0.5
 ) -> Region | None:
     """Return the region in which the robot is; None if it stands in a gateway or on unknown ground.
 
@@ -389,18 +397,19 @@ def region_around(
         ground: The part of the local map.
         narrows: Its gateways.
         robot: The robot's position (m).
+        narrowest: Smallest width of what the robot fits through (m).
     """
     rows, columns = ground.states.shape
     column, row = np.floor((robot - ground.corner) / ground.cell).astype(int).tolist()
     if not (0 <= row < rows and 0 <= column < columns):
         return None
     labels = (ground.states == FREE).astype(np.int32)
+    labels[ground.states == UNKNOWN] = _UNSEEN
     ends = np.floor((narrows.gateways.reshape(-1, 2, 2) - ground.corner) / ground.cell)
     draw_lines(labels, ends.astype(np.int64))
     if labels[row, column] != 1:
         return None
-    order, size = surround(labels, row, column)
-    chosen = order[:size]
+    chosen, unknown = surround(labels, row, column, narrowest / ground.cell)
     inside = labels == _INSIDE
     heights = np.where(inside, narrows.clearance, 0.0)
     best = np.unravel_index(int(heights.argmax()), heights.shape)
@@ -412,6 +421,7 @@ def region_around(
     lines[turned] = lines[turned][:, (2, 3, 0, 1)]
     return Region(
         gateways=lines,
+        unknown=tuple(sorted(set((unknown % max(len(chosen), 1)).tolist()))),
         inside=inside,
         peak=peak,
         clearance=float(heights[best]) * ground.cell,
@@ -435,7 +445,7 @@ def _lies_beside(
     return np.asarray(sides[0] >= sides[1])
 
 
-_INSIDE = 2
+_INSIDE, _UNSEEN = 2, 3
 
 
 @kernel()
@@ -457,31 +467,66 @@ def draw_lines(labels: np.ndarray, ends: np.ndarray) -> None:
 
 
 @kernel(arrays=True)
-def surround(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int]:
+def surround(
+    labels: np.ndarray, row: int, column: int, narrowest: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Mark the region around a cell; return the gateways along its border, counter-clockwise.
 
     Args:
-        labels: 1 for free cells, 0 for walls, -1 - k for gateway k; the region becomes `_INSIDE`.
+        labels: 1 for free cells, 0 for walls, 3 for unseen cells, -1 - k for gateway k; the region
+            becomes `_INSIDE`.
         row: The cell's row.
         column: Its column.
+        narrowest: Smallest distance between the ends of an unseen part of the border (cells).
 
     Returns:
-        The gateways with other free ground behind, from the south on, and their number.
+        The gateways with other free ground behind, from the south on; and for each unseen part of
+        the border the number of gateways before it.
     """
-    rows, columns = labels.shape
-    low_row, low_column = _fill(labels, row, column)
+    sides, count = _border(labels, *_fill(labels, row, column))
     leads = _leading(labels)
-    order, count = np.empty(len(leads), np.int64), 0
+    order, found = np.empty(len(leads), np.int64), 0
+    unknown, parts = np.empty(count, np.int64), 0
     is_listed = np.zeros(len(leads), np.bool_)
-    # Along the sides of the cells, with the region to the left: the southern side of the lowest
-    # cell first, eastwards. `turn` counts quarter turns from the east.
-    i, j, turn = low_row, low_column, 0
-    for _ in range(4 * rows * columns):
-        right = labels[i + _UP[turn - 1], j + _ACROSS[turn - 1]]
+    # From a side that was seen, so that no unseen part is cut in two.
+    start = 0
+    while start < count and sides[start, 2] == _UNSEEN:
+        start += 1
+    begin = -1  # The first side of the present unseen part.
+    for k in range(count + 1):
+        side = (start + k) % count
+        right = sides[side, 2]
+        if right == _UNSEEN:
+            begin = side if begin < 0 else begin
+        elif begin >= 0:
+            up, across = sides[side, 0] - sides[begin, 0], sides[side, 1] - sides[begin, 1]
+            if math.sqrt(up * up + across * across) >= narrowest:
+                unknown[parts] = found
+                parts += 1
+            begin = -1
         if right < 0 and leads[-1 - right] and not is_listed[-1 - right]:
             is_listed[-1 - right] = True
-            order[count] = -1 - right
-            count += 1
+            order[found] = -1 - right
+            found += 1
+    if start == count:  # Nothing of the border was seen.
+        unknown[0], parts = 0, 1
+    return order[:found].copy(), unknown[:parts].copy()
+
+
+@kernel(arrays=True)
+def _border(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int]:
+    """Return the sides of cells along the region's border, and their number.
+
+    Each is row and column of the cell, and the label to its right. The region lies to the left. The
+    southern side of its lowest cell comes first, eastwards.
+    """
+    sides = np.empty((4 * labels.size, 3), np.int64)
+    # `turn` counts quarter turns from the east.
+    i, j, turn, count = row, column, 0, 0
+    while count < len(sides):
+        sides[count, 0], sides[count, 1] = i, j
+        sides[count, 2] = labels[i + _UP[turn - 1], j + _ACROSS[turn - 1]]
+        count += 1
         a, b = i + _UP[turn], j + _ACROSS[turn]
         c, d = a + _UP[turn - 1], b + _ACROSS[turn - 1]
         if labels[a, b] != _INSIDE:
@@ -490,9 +535,9 @@ def surround(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int
             i, j, turn = c, d, (turn - 1) % 4
         else:
             i, j = a, b
-        if i == low_row and j == low_column and turn == 0:
+        if i == row and j == column and turn == 0:
             break
-    return order, count
+    return sides, count
 
 
 @kernel(arrays=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.poses import compose, relative, transform_segments
+from albot_core.geometry.poses import compose, inverse, relative, transform_segments
 from albot_core.geometry.types import Pose
 from albot_core.mappers.hssh.map_tree import TopologicalMap
-from albot_core.mappers.hssh.visits import Visits
+from albot_core.mappers.hssh.visits import Visits, gateways_of
 from albot_core.maps.layers import PlaceEdge, PlaceGraph, PlaceNode
 
 
@@ -28,12 +28,12 @@ def place_graph(
     if leaf is None:
         return PlaceGraph()
     counts = np.bincount([visit.place for visit in leaf.visits], minlength=leaf.places).tolist()
+    lines = gateways_of(visits, leaf, frames)
     poses: list[Pose] = []
     nodes = []
     for place, first in enumerate(leaf.firsts):
         visit = visits[first]
-        own = np.array((*visit.middle, 0.0))
-        pose = compose(frames[first], own)
+        pose = compose(frames[first], np.array((*visit.middle, 0.0)))
         poses.append(pose)
         nodes.append(
             PlaceNode(
@@ -41,7 +41,7 @@ def place_graph(
                 label=f"P{place}",
                 pose=pose,
                 middle=pose[:2],
-                segments=transform_segments(relative(own, np.zeros(3)), visit.gateways),
+                segments=transform_segments(inverse(pose), lines[place]),
                 visits=counts[place],
             )
         )

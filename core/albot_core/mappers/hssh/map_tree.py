@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from albot_core.errors import InputError
-from albot_core.mappers.hssh.star import ENDS, Star, alignments
+from albot_core.mappers.hssh.star import Merge, Star, merges
 from albot_core.ranges import FROM_ONE, check_fields
 
 OPEN = (-1, -1)
@@ -46,17 +46,21 @@ class Visit(NamedTuple):
 
     place: int
     """The place; places are counted in the order of their first visits."""
-    shift: int
-    """Gateway k of the visit's star is gateway k + shift of the place."""
+    gateways: tuple[int, ...]
+    """The gateway of the place that each gateway of the visit's star is."""
 
 
-Judge = Callable[[int, int], bool]
-"""Whether the latest visit can be to the place that was first visited at a visit, with a shift of
-its gateways: the place for evidence besides the stars, such as the local maps. It is asked where a
-travel closes a loop; where it follows a way that the map knows, the star is enough."""
+Common = tuple[tuple[int, int], ...]
+"""The gateways of one visit that are those of another, in pairs."""
+
+Judge = Callable[[int, Common, bool], bool]
+"""Whether the latest visit can be to the place that was first visited at a visit, with these common
+gateways: the place for evidence besides the stars, such as the local maps. The third argument is
+whether the travel closes a loop. Else it follows a way that the map knows; the paper then asks the
+star alone."""
 
 
-def anything(first: int, shift: int) -> bool:
+def anything(first: int, common: Common, closes_loop: bool) -> bool:
     """Accept every match: the stars alone decide."""
     return True
 
@@ -102,7 +106,8 @@ class TopologicalMap:
     @classmethod
     def beginning(cls, star: Star) -> TopologicalMap:
         """Return the map of one place."""
-        return cls((0,), (star,), ((OPEN,) * star.gateways,), (Visit(0, 0),), star.paths)
+        visit = Visit(0, tuple(range(star.gateways)))
+        return cls((0,), (star,), ((OPEN,) * star.gateways,), (visit,), star.paths)
 
     @property
     def places(self) -> int:
@@ -121,8 +126,14 @@ class TopologicalMap:
 
     def gateway(self, seen: int, visit: int = -1) -> Gateway:
         """Return the gateway of this map that a visit's star counts as `seen`."""
-        place, shift = self.visits[visit]
-        return place, (seen + shift) % self.stars[place].gateways
+        place, gateways = self.visits[visit]
+        return place, gateways[seen]
+
+    def common(self, visit: int = -1) -> Common:
+        """Return the gateways that a visit has in common with the first one to its place."""
+        place, gateways = self.visits[visit]
+        first = {each: k for k, each in enumerate(self.visits[self.firsts[place]].gateways)}
+        return tuple((k, first[each]) for k, each in enumerate(gateways) if each in first)
 
     def open_gateways(self) -> Iterator[Gateway]:
         """Yield the gateways that are joined to nothing, in order."""
@@ -148,14 +159,14 @@ class TopologicalMap:
         while at != OPEN and at[0] not in places:
             places.append(at[0])
             onward = self.stars[at[0]].continues[at[1]]
-            at = OPEN if onward == ENDS else self.joined[at[0]][onward]
+            at = OPEN if onward < 0 else self.joined[at[0]][onward]
         return places
 
     def path_through(self, gateway: Gateway) -> list[int]:
         """Return the places of the path of a gateway, in order, its far end behind first."""
         place, number = gateway
         behind = self.stars[place].continues[number]
-        before = [] if behind == ENDS else self.path_from((place, behind))
+        before = [] if behind < 0 else self.path_from((place, behind))
         return [*reversed(before), place, *self.path_from(gateway)]
 
     def face(self, gateway: Gateway) -> Iterator[Gateway]:
@@ -178,14 +189,12 @@ class TopologicalMap:
         places = [*self.path_through(one), *self.path_through(other)]
         return len(set(places)) < len(places)
 
-    def _with(self, one: Gateway, other: Gateway, visit: Visit) -> TopologicalMap:
-        """Return this map with two gateways joined, and a visit to the second one's place."""
+    def _with(self, one: Gateway, other: Gateway) -> TopologicalMap:
+        """Return this map with two gateways joined."""
         joined = list(self.joined)
         for (place, number), to in ((one, other), (other, one)):
             joined[place] = (*joined[place][:number], to, *joined[place][number + 1 :])
-        return TopologicalMap(
-            self.firsts, self.stars, tuple(joined), (*self.visits, visit), self.paths - 1
-        )
+        return TopologicalMap(self.firsts, self.stars, tuple(joined), self.visits, self.paths - 1)
 
     def _with_new_place(self, one: Gateway, travel: Travel) -> TopologicalMap:
         """Return this map with a gateway joined to a new place."""
@@ -193,10 +202,45 @@ class TopologicalMap:
             (*self.firsts, len(self.visits)),
             (*self.stars, travel.star),
             (*self.joined, (OPEN,) * travel.star.gateways),
-            self.visits,
+            (*self.visits, Visit(self.places, tuple(range(travel.star.gateways)))),
             self.paths + travel.star.paths,
         )
-        return wider._with(one, (self.places, travel.arrived), Visit(self.places, 0))
+        return wider._with(one, (self.places, travel.arrived))
+
+    def _with_visit(self, place: int, merge: Merge) -> TopologicalMap:
+        """Return this map with a visit to a place, whose star becomes that of the merge."""
+        visits = (*self.visits, Visit(place, merge.seen))
+        if merge.star == self.stars[place]:
+            return TopologicalMap(self.firsts, self.stars, self.joined, visits, self.paths)
+
+        def renumbered(gateway: Gateway) -> Gateway:
+            is_there = gateway[0] == place and gateway != OPEN
+            return (place, merge.known[gateway[1]]) if is_there else gateway
+
+        joined = [tuple(map(renumbered, row)) for row in self.joined]
+        row = [OPEN] * merge.star.gateways
+        for old, new in enumerate(merge.known):
+            row[new] = joined[place][old]
+        joined[place] = tuple(row)
+        visits = tuple(
+            Visit(place, tuple(merge.known[each] for each in visit.gateways))
+            if visit.place == place
+            else visit
+            for visit in self.visits
+        )
+        stars = (*self.stars[:place], merge.star, *self.stars[place + 1 :])
+        return TopologicalMap(
+            self.firsts,
+            stars,
+            tuple(joined),
+            (*visits, Visit(place, merge.seen)),
+            self.paths + merge.star.paths - self.stars[place].paths,
+        )
+
+    def _comes_once(self, place: int) -> bool:
+        """Return whether each path through a place comes through each of its places once."""
+        through = (self.path_through((place, k)) for k in range(self.stars[place].gateways))
+        return all(len(set(places)) == len(places) for places in through)
 
     def _without(self, one: Gateway) -> TopologicalMap:
         """Return this map with a gateway joined to nothing."""
@@ -212,48 +256,101 @@ class TopologicalMap:
         The maps in which the place is known come first, in the order of its gateways.
         """
         here = self.gateway(travel.left)
-        known = self.joined[here[0]][here[1]]
-        if known != OPEN:
-            visit = self._visit(travel, known)
-            if visit is not None:
-                yield TopologicalMap(
-                    self.firsts, self.stars, self.joined, (*self.visits, visit), self.paths
-                )
+        there = self.joined[here[0]][here[1]]
+        if there != OPEN:
+            yield from self._along_known_way(travel, there, judge)
             return
         beside = set(self.face(here)) if planar else None
-        for there in self.open_gateways():
-            visit = self._visit(travel, there)
-            if visit is None or there == here or (beside is not None and there not in beside):
-                continue
-            if not self._joins_twice(here, there) and judge(self.firsts[visit.place], visit.shift):
-                yield self._with(here, there, visit)
+        for place, star in enumerate(self.stars):
+            for merge in merges(travel.star, star, travel.arrived):
+                if not judge(self.firsts[place], self._common_by(place, merge), True):
+                    continue
+                leaf = self._closed(travel, place, merge, beside)
+                if leaf is not None:
+                    yield leaf
         yield self._with_new_place(here, travel)
 
-    def _visit(self, travel: Travel, there: Gateway) -> Visit | None:
-        """Return the visit by which a travel came in through a gateway; None if its star differs.
+    def _common_by(self, place: int, merge: Merge) -> Common:
+        """Return the gateways that a visit has in common with the first one, by a merge."""
+        first = self.visits[self.firsts[place]].gateways
+        at = {merge.known[each]: k for k, each in enumerate(first)}
+        return tuple((k, at[each]) for k, each in enumerate(merge.seen) if each in at)
 
-        The gateway fixes how the star lies on that of the place.
-        """
+    def _along_known_way(
+        self, travel: Travel, there: Gateway, judge: Judge
+    ) -> Sequence[TopologicalMap]:
+        """Return this map with a travel to the gateway that it knows, for each way to merge."""
         place, number = there
-        star = self.stars[place]
-        shift = (number - travel.arrived) % max(star.gateways, 1)
-        return Visit(place, shift) if shift in alignments(travel.star, star) else None
+        leaves = [
+            self._with_visit(place, merge)
+            for merge in merges(travel.star, self.stars[place], travel.arrived)
+            if merge.seen[travel.arrived] == merge.known[number]
+        ]
+        return [
+            leaf
+            for leaf in leaves
+            if leaf._comes_once(place) and judge(self.firsts[place], leaf.common(), False)
+        ]
 
-    def followed(self, travel: Travel, visit: Visit) -> TopologicalMap | None:
-        """Return this map with a travel to a known visit; None if the two do not fit."""
-        here = self.gateway(travel.left)
-        if visit == (self.places, 0):
-            return self.repaired(travel)
+    def _closed(
+        self, travel: Travel, place: int, merge: Merge, beside: set[Gateway] | None
+    ) -> TopologicalMap | None:
+        """Return this map with a travel that closes a loop to a place; None if an axiom forbids it.
+
+        Args:
+            travel: The travel.
+            place: The place.
+            merge: How its star lies on that of the place.
+            beside: The gateways on the face of the one by which the robot left; None for all.
+        """
+        here, at = self.gateway(travel.left), merge.seen[travel.arrived]
+        if at in merge.known:
+            there = place, merge.known.index(at)
+            is_open = self.joined[place][there[1]] == OPEN
+            if not is_open or there == here or (beside is not None and there not in beside):
+                return None
+            if self._joins_twice(here, there):
+                return None
+        leaf = self._with_visit(place, merge)
+        one, other = leaf.gateway(travel.left, -2), leaf.gateway(travel.arrived)
+        if at not in merge.known and beside is not None and other not in leaf.face(one):
+            return None
+        is_changed = leaf.stars[place] != self.stars[place]
+        if is_changed and (leaf._joins_twice(one, other) or not leaf._comes_once(place)):
+            return None
+        return leaf._with(one, other)
+
+    def followed(
+        self, travel: Travel, visit: Visit, known: list[list[int]]
+    ) -> TopologicalMap | None:
+        """Return this map with a travel to a given visit; None if the two do not fit.
+
+        Args:
+            travel: The travel.
+            visit: The visit; its place's gateways are counted as after all visits.
+            known: The gateways of each place that are known so far, counted so. The visit's are
+                added.
+        """
+        if visit.place == self.places:
+            known.append(list(visit.gateways))
+            is_first = visit.gateways == tuple(sorted(set(visit.gateways)))
+            is_first &= len(visit.gateways) == travel.star.gateways
+            return self.repaired(travel) if is_first else None
         if not 0 <= visit.place < self.places:
             return None
-        there = visit.place, (travel.arrived + visit.shift) % max(travel.star.gateways, 1)
-        if self._visit(travel, there) != visit:
-            return None
-        if self.joined[here[0]][here[1]] == there:
-            visits = (*self.visits, visit)
-            return TopologicalMap(self.firsts, self.stars, self.joined, visits, self.paths)
-        is_open = self.joined[here[0]][here[1]] == self.joined[there[0]][there[1]] == OPEN
-        return self._with(here, there, visit) if is_open and here != there else None
+        every = sorted({*known[visit.place], *visit.gateways})
+        seen = tuple(every.index(each) for each in visit.gateways)
+        before = tuple(every.index(each) for each in known[visit.place])
+        known[visit.place] = every
+        for merge in merges(travel.star, self.stars[visit.place], travel.arrived):
+            if (merge.seen, merge.known) == (seen, before):
+                leaf = self._with_visit(visit.place, merge)
+                one, other = leaf.gateway(travel.left, -2), leaf.gateway(travel.arrived)
+                to = leaf.joined[one[0]][one[1]], leaf.joined[other[0]][other[1]]
+                if to == (other, one):
+                    return leaf
+                return leaf._with(one, other) if to == (OPEN, OPEN) and one != other else None
+        return None
 
     def repaired(self, travel: Travel) -> TopologicalMap:
         """Return this map with a travel that contradicts it: the gateway leads to a new place."""
@@ -313,8 +410,18 @@ class MapTree:
         self.maps = maps[: self.config.limit]
         return True
 
-    def preview(self, travel: Travel, judge: Judge = anything) -> list[TopologicalMap]:
+    def preview(
+        self,
+        travel: Travel,
+        judge: Judge = anything,
+        some: Sequence[TopologicalMap] | None = None,
+    ) -> list[TopologicalMap]:
         """Return the maps that a travel would leave, the preferred ones first; keep the tree.
+
+        Args:
+            travel: The travel.
+            judge: Evidence besides the stars.
+            some: The maps to extend; None for all.
 
         Raises:
             InputError: There is no such gateway.
@@ -323,7 +430,8 @@ class MapTree:
         self._check("left", travel.left, before)
         self._check("arrived", travel.arrived, travel.star)
         planar = self.config.planar
-        maps = [more for each in self.maps for more in each.extended(travel, planar, judge)]
+        maps = self.maps if some is None else some
+        maps = [more for each in maps for more in each.extended(travel, planar, judge)]
         return sorted(maps, key=lambda each: each.rank)
 
     @staticmethod
@@ -348,13 +456,18 @@ class MapTree:
         tree = cls(star, config)
         tree.travels = list(travels)
         tree.maps = []
+        expected = "visits that fit the travels"
         for number, each in enumerate(visits):
             leaf = TopologicalMap.beginning(star)
+            known = [list(each[0].gateways)]
+            if known[0] != sorted(set(known[0])) or len(known[0]) != star.gateways:
+                raise InputError(f"map {number}", expected, f"{each[0]} at visit 0")
             for step, (travel, visit) in enumerate(zip(travels, each[1:], strict=True), start=1):
-                onward = leaf.followed(travel, Visit(*visit))
+                onward = leaf.followed(travel, visit, known)
                 if onward is None:
-                    expected = "visits that fit the travels"
                     raise InputError(f"map {number}", expected, f"{visit} at visit {step}")
                 leaf = onward
+            if any(row != list(range(len(row))) for row in known):
+                raise InputError(f"map {number}", expected, "gateways that no visit has")
             tree.maps.append(leaf)
         return tree

@@ -10,16 +10,23 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.geometry.poses import compose, transform_points, transform_segments
-from albot_core.geometry.types import Points, Pose, Poses
+from albot_core.geometry.poses import compose, transform_points
+from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.events import CONTRADICTED, NEW, RECOGNISED, Event, EventLog
 from albot_core.mappers.hssh.gateways import Ground, Region, crossed, find_gateways, region_around
 from albot_core.mappers.hssh.layers import place_graph
 from albot_core.mappers.hssh.map_tree import OPEN, Gateway, MapTree, TopologicalMap
 from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap
-from albot_core.mappers.hssh.state import RULES, tree_of
-from albot_core.mappers.hssh.visits import Visit, Visits, frames_of, surface_of
+from albot_core.mappers.hssh.state import RULES, rows_of, tree_of
+from albot_core.mappers.hssh.visits import (
+    Visit,
+    Visits,
+    frames_of,
+    gateways_of,
+    open_ground_of,
+    surface_of,
+)
 from albot_core.mappers.hssh.way_home import Routes, routes_home
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
 from albot_core.mappers.schema import Arrays, Field, Pack, Schema
@@ -60,7 +67,7 @@ class Hssh(StoredMapper):
             Field("matched", least=-1, below="readings"),
             Field("is_localised", "", bool),
         ),
-        Field("tree.visits", "maps known 2", int, at=None, least=0),
+        Field("tree.visits", "maps known numbers", int, at=None, least=-1),
         Field("tree.counts", "2", int, at=None, least=0),
         parts=("_local", "_perceived", "_visits", "_log"),
         rules=RULES,
@@ -141,7 +148,9 @@ class Hssh(StoredMapper):
             left=-1,
             middle=self._pose[:2].copy(),
             gateways=np.empty((0, 4)),
+            unknown=(0,),
             surface=np.empty((0, 2)),
+            open_ground=np.empty((0, 2)),
         )
 
     # The local topology.
@@ -162,12 +171,23 @@ class Hssh(StoredMapper):
         if gateway < 0:
             return False
         self._visits.amend(visit._replace(left=gateway))
-        self._end_visit()
+        self._misses = 0
+        self._version += 1
         return True
 
+    @property
+    def _known(self) -> int:
+        """Number of visits that the tree knows."""
+        return 0 if self._tree is None else 1 + len(self._tree.travels)
+
     def _end_visit(self) -> None:
-        """Extend the tree by the visit that has ended."""
+        """Extend the tree by the last visit, now that the robot has come to another place.
+
+        A robot that turns round on its way has not left: that is no travel action.
+        """
         number = len(self._visits) - 1
+        if self._known > number:
+            return
         before = self._best.visits if self._best is not None else ()
         forgotten = 0
         agrees = True
@@ -192,9 +212,6 @@ class Hssh(StoredMapper):
                 switched=int(before[:number] != best.visits[:number]),
             )
         )
-        self._misses = 0
-        self._believe(best)
-        self._version += 1
 
     def _search(self) -> None:
         """Search the local perceptual map for gateways, and for the place around the robot."""
@@ -202,7 +219,7 @@ class Hssh(StoredMapper):
         self._perceived.scroll(self._pose)
         ground = self._perceived.ground(self._pose, self.config.gateways.island)
         narrows = find_gateways(ground, self.config.gateways)
-        region = region_around(ground, narrows, self._pose[:2])
+        region = region_around(ground, narrows, self._pose[:2], self.config.gateways.narrowest)
         if region is None:
             return
         if self._is_away:
@@ -214,12 +231,32 @@ class Hssh(StoredMapper):
         """Begin a visit if the region is a place with the gateway through which the robot came."""
         if not len(region.gateways) or region.is_path(self.config.gateways):
             return
+        if not region.is_whole:
+            # A path whose far end was not seen yet, or a place ahead beyond such a path.
+            away = float(np.hypot(*(region.peak - self._pose[:2])))
+            if away > region.clearance or region.is_narrow(self.config.gateways):
+                return
         last = self._visits[len(self._visits) - 1]
         arrived = self._entrance(region, last)
         if arrived < 0:
             return
+        if self._is_back(region, arrived, last):
+            self._visits.amend(last._replace(left=-1))
+            self._version += 1
+            return
+        self._end_visit()
         self._visits.begin(self._nothing())
         self._perceive(ground, region, arrived)
+
+    def _is_back(self, region: Region, arrived: int, last: Visit) -> bool:
+        """Return whether the robot has turned round, and comes back by the gateway it left by."""
+        if self._known >= len(self._visits):
+            return False
+        left, came = last.gateways[last.left], region.gateways[arrived]
+        away = float(np.hypot(*(region.middles[arrived] - last.middles[last.left])))
+        return away <= self.config.places.near and bool(
+            np.dot(left[2:] - left[:2], came[2:] - came[:2]) > 0.0
+        )
 
     def _entrance(self, region: Region, last: Visit) -> int:
         """Return the gateway through which the robot came into a region; -1 if it is not known.
@@ -239,8 +276,8 @@ class Hssh(StoredMapper):
         if best >= 0 or self._misses < _PATIENCE:
             self._misses += best < 0
             return best
-        if region.is_narrow(self.config.gateways):
-            return -1  # A corridor of which one end lies beyond the local map.
+        if not region.is_whole:
+            return -1  # That gateway may not have been seen yet.
         left = last.middles[last.left]
         return int(np.argmin(np.hypot(*(region.middles - left).T)))
 
@@ -251,19 +288,24 @@ class Hssh(StoredMapper):
         x, y, _ = self._pose.tolist()
         if len(visit.gateways) and crossed(visit.gateways, x, y, 0.0) >= 0:
             return  # It stands behind a gateway, but has not gone far enough to have left.
+        if not region.is_whole and not visit.unknown:
+            return  # Its star is settled. A part of the place lies outside of the local map now.
         if visit.arrived < 0:
             self._perceive(ground, region, -1)
             return
         if not len(region.gateways):
             return
+        away = np.hypot(*(region.middles[:, None] - visit.middles).transpose(2, 0, 1))
         if region.is_path(self.config.gateways):
+            near = self.config.places.near
+            if not visit.unknown and not (len(away.T) == 2 and (away.min(axis=0) <= near).all()):
+                return  # It is beside the place.
             # Its far end has come into view, and it is a piece of the path.
             self._visits.cancel()
             self._believe(None if self._tree is None else self._tree.best)
             return
-        away = np.hypot(*(region.middles - visit.middles[visit.arrived]).T)
-        nearest = int(np.argmin(away))
-        if away[nearest] > self.config.places.near and self._misses < _PATIENCE:
+        nearest = int(np.argmin(away[:, visit.arrived]))
+        if away[nearest, visit.arrived] > self.config.places.near and self._misses < _PATIENCE:
             self._misses += 1
             return
         self._perceive(ground, region, nearest)
@@ -276,7 +318,9 @@ class Hssh(StoredMapper):
             arrived=arrived,
             middle=region.peak,
             gateways=region.gateways,
+            unknown=region.unknown,
             surface=surface_of(ground, region.peak, places.around, places.points),
+            open_ground=open_ground_of(ground, region.peak, places.around),
         )
         self._visits.amend(visit)
         self._preview()
@@ -289,7 +333,8 @@ class Hssh(StoredMapper):
             self._believe(None)
             return
         travel = self._visits.travel(number)
-        maps = self._tree.preview(travel, self._visits.judge)
+        # All maps are extended at the end of the visit only, for speed.
+        maps = self._tree.preview(travel, self._visits.judge, self._tree.minimal[:1])
         self._believe(maps[0] if maps else self._tree.best.repaired(travel))
 
     # What is believed.
@@ -300,11 +345,8 @@ class Hssh(StoredMapper):
         self._frames = np.zeros((1, 3))
         self._firsts = [0]
         if best is not None:
-            numbers = [
-                (best.firsts[visit.place], visit.shift, k) for k, visit in enumerate(best.visits)
-            ]
-            self._frames = frames_of(self._visits, numbers)
-            self._firsts = [first for first, _, _ in numbers]
+            self._frames = frames_of(self._visits, best)
+            self._firsts = [best.firsts[visit.place] for visit in best.visits]
         self._routes: Routes | None = None
 
     @property
@@ -393,7 +435,8 @@ class Hssh(StoredMapper):
         place = leaf.here.place
         if place == 0 and not self._is_away:
             return way
-        middles = self._middles(leaf)
+        lines = gateways_of(self._visits, leaf, self._frames)
+        middles = [np.asarray((each[:, :2] + each[:, 2:]) / 2) for each in lines]
         if self._routes is None:
             self._routes = routes_home(self._travelled(leaf), middles, np.zeros(2))
         lengths, onward = self._routes
@@ -412,9 +455,8 @@ class Hssh(StoredMapper):
 
         target = min(choices, key=length)
         way[TRAVEL] = length(target)
-        line = self._lines(leaf, target[0])[target[1]]
         if not self._is_away:
-            way[EXIT] = line
+            way[EXIT] = lines[target[0]][target[1]]
         at = target
         while at != OPEN:
             point = middles[at[0]][at[1]]
@@ -432,16 +474,6 @@ class Hssh(StoredMapper):
             for k, (before, after) in enumerate(pairwise(visits))
         ]
 
-    def _lines(self, leaf: TopologicalMap, place: int) -> Float64[np.ndarray, "gateways 4"]:
-        """Return the gateways of a place in its order, in the map's frame."""
-        first = leaf.firsts[place]
-        return transform_segments(self._frames[first], self._visits[first].gateways)
-
-    def _middles(self, leaf: TopologicalMap) -> list[Points]:
-        """Return the middles of the gateways of all places, in the map's frame."""
-        lines = [self._lines(leaf, place) for place in range(leaf.places)]
-        return [np.asarray((each[:, :2] + each[:, 2:]) / 2) for each in lines]
-
     def snapshot(self) -> MapSnapshot:
         """Return the local perceptual map, and the places and paths of the preferred map."""
         layer = self._perceived.layer(self._frames[-1])
@@ -456,10 +488,9 @@ class Hssh(StoredMapper):
 
     def _stored(self) -> dict[str, Any]:
         maps: Sequence[TopologicalMap] = [] if self._tree is None else self._tree.maps
-        visits = [[tuple(visit) for visit in each.visits] for each in maps]
         tree = self._tree
         return {
-            "tree.visits": np.array(visits, int).reshape(len(maps), -1 if maps else 0, 2),
+            "tree.visits": rows_of(maps),
             "tree.counts": (0, 0) if tree is None else (tree.forgotten, tree.contradictions),
         }
 
@@ -467,7 +498,7 @@ class Hssh(StoredMapper):
         self._tree = tree_of(state, self.config)
         if not self._poses:
             return
-        if self._is_away:
+        if self._known == len(self._visits):
             self._believe(None if self._tree is None else self._tree.best)
         else:
             self._preview()

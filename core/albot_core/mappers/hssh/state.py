@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from jaxtyping import Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.hssh.config import HsshConfig
-from albot_core.mappers.hssh.map_tree import MapTree, Travel
+from albot_core.mappers.hssh.map_tree import MapTree, TopologicalMap, Travel
 from albot_core.mappers.hssh.map_tree import Visit as Numbered
 from albot_core.mappers.hssh.visits import Visit, visits_of
 from albot_core.mappers.schema import Arrays, Sizes, refuse_unless
@@ -28,13 +31,30 @@ def tree_of(state: Arrays, config: HsshConfig) -> MapTree | None:
         Travel(before.left, star, visit.arrived)
         for before, visit, star in zip(visits, visits[1:known], stars[1:], strict=False)
     ]
-    maps = [[Numbered(*pair) for pair in row] for row in state["tree.visits"].tolist()]
+    maps = [[_numbered(numbers) for numbers in row] for row in state["tree.visits"].tolist()]
     try:
         tree = MapTree.replayed(stars[0], travels, maps, config.tree)
     except InputError as error:
         raise InputError("tree.visits", error.expected, error.found, place=error.source) from None
     tree.forgotten, tree.contradictions = state["tree.counts"].tolist()
     return tree
+
+
+def _numbered(numbers: list[int]) -> Numbered:
+    """Return the visit that a row of a state holds: the place, its gateways, and -1 to the end."""
+    count = numbers.index(-1) if -1 in numbers else len(numbers)
+    return Numbered(numbers[0], tuple(numbers[1 : max(count, 1)]))
+
+
+def rows_of(maps: Sequence[TopologicalMap]) -> Int64[np.ndarray, "maps visits numbers"]:
+    """Return the visits of maps as rows of a state."""
+    visits = [visit for each in maps for visit in each.visits]
+    width = 1 + max((len(visit.gateways) for visit in visits), default=0)
+    rows = np.full((len(visits), width), -1)
+    for row, (place, gateways) in zip(rows, visits, strict=True):
+        row[0] = place
+        row[1 : 1 + len(gateways)] = gateways
+    return rows.reshape(len(maps), -1 if len(maps) else 0, width)
 
 
 def _check_visits(state: Arrays, sizes: Sizes) -> None:
@@ -60,12 +80,18 @@ def _check_tree(state: Arrays, sizes: Sizes) -> None:
     visits, config = visits_of(state), sizes["config"]
     maps, known = state["tree.visits"].shape[:2]
     refuse_unless((maps > 0) == (known > 0), "tree.visits", "visits of each map", known)
-    is_away = bool(visits) and visits[-1].left >= 0
-    expected = len(visits) if is_away else max(len(visits) - 1, 0)
-    refuse_unless(known == expected, "tree.visits", f"{expected} visits", known)
+    # All but the last; and that as well if a later one turned out to be to no place.
+    is_away = len(visits) > 1 and visits[-1].left >= 0
+    expected = max(len(visits) - 1, 0)
+    refuse_unless(
+        known == expected or (is_away and known == len(visits)),
+        "tree.visits",
+        f"{expected} visits",
+        known,
+    )
     refuse_unless(maps <= config.tree.limit, "tree.visits", "maps within the limit", maps)
     if known:
-        first = state["tree.visits"][:, 0]
+        first = state["tree.visits"][:, 0, 0]
         refuse_unless(not first.any(), "tree.visits", "place 0 at the first visit", first)
     tree_of(state, config)
 
@@ -75,6 +101,8 @@ def _check_visit(visit: Visit, number: int, count: int) -> None:
     gateways, is_last = len(visit.gateways), number == count - 1
     is_right = visit.arrived == -1 if number == 0 else 0 <= visit.arrived < gateways
     refuse_unless(is_right, "visits.arrived", f"a gateway of visit {number}", visit.arrived)
+    is_right = all(0 <= arm < max(gateways, 1) for arm in visit.unknown)
+    refuse_unless(is_right, "arms.before", f"gateways of visit {number}", visit.unknown)
     is_right = visit.left < gateways and (visit.left >= 0 or is_last)
     refuse_unless(is_right, "visits.left", f"a gateway of visit {number}", visit.left)
     widths = np.hypot(*(visit.gateways[:, 2:] - visit.gateways[:, :2]).T)

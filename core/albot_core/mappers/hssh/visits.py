@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from albot_core.geometry.poses import compose, transform_points
+from albot_core.geometry.poses import compose, inverse, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.hssh.config import HsshConfig
-from albot_core.mappers.hssh.gateways import WALL, Ground, continuations
-from albot_core.mappers.hssh.map_tree import Travel
+from albot_core.mappers.hssh.gateways import FREE, WALL, Ground, continuations
+from albot_core.mappers.hssh.map_tree import Common, TopologicalMap, Travel
 from albot_core.mappers.hssh.star import Star
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.schema import Arrays, Field, Schema
@@ -21,6 +21,10 @@ from albot_core.mappers.stored import Stored
 
 _STEPS = 8
 """Steps of the alignment of the local maps."""
+_DIFFERS = 0.6
+"""Overlap below which two local maps are not of one place."""
+_SPACING = 0.3
+"""Distance of the points that are kept of the free ground (m)."""
 
 
 class Visit(NamedTuple):
@@ -38,8 +42,13 @@ class Visit(NamedTuple):
     """The middle of the most open ground of the place (m)."""
     gateways: Segments
     """The gateways, counter-clockwise, each with the place to its left (m)."""
+    unknown: tuple[int, ...]
+    """Where more gateways may lie, as nothing was seen: k for between gateway k and the one
+    before."""
     surface: Points
     """Points on the walls of the place (m)."""
+    open_ground: Points
+    """Points on its free ground (m)."""
 
     @property
     def middles(self) -> Points:
@@ -48,7 +57,7 @@ class Visit(NamedTuple):
 
     def star(self, straight: float) -> Star:
         """Return the local topology."""
-        return Star(*continuations(self.gateways, straight))
+        return Star(*continuations(self.gateways, straight), unknown=self.unknown)
 
 
 class Alignment(NamedTuple):
@@ -59,7 +68,8 @@ class Alignment(NamedTuple):
     error: float
     """Root mean square distance of the gateways' ends (m)."""
     overlap: float
-    """Share of the points on walls that are found again: of the map that finds fewer."""
+    """Share of the points on walls that are found again, of those that the other map knows: where
+    it has neither a wall nor free ground, nothing was seen."""
 
 
 def surface_of(
@@ -77,6 +87,23 @@ def surface_of(
     points = points[np.hypot(*(points - middle).T) <= reach]
     step = max(math.ceil(len(points) / max(most, 1)), 1)
     return np.asarray(points[::step][:most], np.float64)
+
+
+def open_ground_of(
+    ground: Ground, middle: Float64[np.ndarray, "2"], reach: float
+) -> Float64[np.ndarray, "points 2"]:
+    """Return points on the free ground around a place, in a grid of `_SPACING` (m).
+
+    Args:
+        ground: The part of the local map.
+        middle: The middle of the place (m).
+        reach: Largest distance from there (m).
+    """
+    step = max(round(_SPACING / ground.cell), 1)
+    points = ground.centres(step * np.argwhere(ground.states[::step, ::step] == FREE))
+    # The walls beside the outermost points must be within reach.
+    inside = np.hypot(*(points - middle).T) <= reach - _SPACING
+    return np.asarray(points[inside], np.float64)
 
 
 def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
@@ -97,22 +124,37 @@ def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
     return pose, float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
 
 
-def align(later: Visit, earlier: Visit, shift: int, reach: float) -> Alignment:
+def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignment:
     """Align two visits' local maps: by the gateways, and then by the points on walls near by.
 
     Args:
         later: The later visit.
         earlier: The earlier one.
-        shift: Gateway k of the later one is gateway k + shift of the earlier one.
+        common: The pairs of gateways, of the later and of the earlier one, that are the same.
         reach: Largest distance of a point from the same wall (m).
     """
-    if not len(later.gateways):
-        pose, error = np.array((*(earlier.middle - later.middle), 0.0)), 0.0
-    else:
-        onto = np.roll(earlier.gateways, -shift, axis=0)
-        pose, error = rigid_fit(later.gateways.reshape(-1, 2), onto.reshape(-1, 2))
+    lines, onto = _paired(later, earlier, common)
+    pose, error = rigid_fit(lines, onto)
+    starts = [pose]
+    if error > reach:  # Some gateways lie elsewhere in the place than on the other visit.
+        starts += [rigid_fit(lines[k : k + 2], onto[k : k + 2])[0] for k in range(0, len(lines), 2)]
     if not len(later.surface) or not len(earlier.surface):
         return Alignment(pose, error, 1.0)
+    found = [_laid_on(later, earlier, start, reach) for start in starts]
+    pose, overlap = max(found, key=lambda each: each[1])
+    return Alignment(pose, error, overlap)
+
+
+def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Points]:
+    """Return the ends of the common gateways of two visits; without any the places' middles."""
+    if not common:
+        return later.middle[None], earlier.middle[None]
+    ours, theirs = (list(chosen) for chosen in zip(*common, strict=True))
+    return later.gateways[ours].reshape(-1, 2), earlier.gateways[theirs].reshape(-1, 2)
+
+
+def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float]:
+    """Return the pose and overlap of local maps, by the points on walls near one another."""
     tree = KDTree(earlier.surface)
     for _ in range(_STEPS):
         moved = transform_points(pose, later.surface)
@@ -122,9 +164,25 @@ def align(later: Visit, earlier: Visit, shift: int, reach: float) -> Alignment:
             break
         pose, _ = rigid_fit(later.surface[close], earlier.surface[nearest[close]])
     moved = transform_points(pose, later.surface)
-    forth = np.mean(tree.query(moved)[0] < reach)
-    back = np.mean(KDTree(moved).query(earlier.surface)[0] < reach)
-    return Alignment(pose, error, float(min(forth, back)))
+    found, missed = _agreement(tree, earlier.open_ground, moved, reach)
+    back = transform_points(inverse(pose), earlier.surface)
+    more, fewer = _agreement(KDTree(later.surface), later.open_ground, back, reach)
+    return pose, (found + more) / max(found + more + missed + fewer, 1)
+
+
+def _agreement(
+    walls: KDTree,
+    free: Float64[np.ndarray, "free 2"],
+    points: Float64[np.ndarray, "walls 2"],
+    reach: float,
+) -> tuple[int, int]:
+    """Return how many points on walls another map has as a wall, and how many as free ground."""
+    is_wall = walls.query(points)[0] < reach
+    others = points[~is_wall]
+    if not len(free) or not len(others):
+        return int(is_wall.sum()), 0
+    is_free = KDTree(free).query(others)[0] < _SPACING * math.sqrt(0.5)
+    return int(is_wall.sum()), int(is_free.sum())
 
 
 class Visits(Stored):
@@ -134,7 +192,7 @@ class Visits(Stored):
         config: All parameters.
     """
 
-    SCHEMA = Schema(parts=("_table", "_gateways", "_surfaces"))
+    SCHEMA = Schema(parts=("_table", "_gateways", "_arms", "_surfaces", "_open"))
 
     def __init__(self, config: HsshConfig) -> None:
         self._config = config
@@ -146,19 +204,23 @@ class Visits(Stored):
             Field("left", "", int, least=-1),
             Field("middle", "2"),
             Field("gateways", "", int, least=0, sums="gateways"),
+            Field("arms", "", int, least=0, sums="arms"),
             Field("surface", "", int, least=0, sums="surfaces"),
+            Field("free", "", int, least=0, sums="open"),
         )
         self._gateways = Table("gateways", Field("line", "4"))
+        self._arms = Table("arms", Field("before", "", int, least=0))
         self._surfaces = Table("surfaces", Field("point", "2"))
+        self._open = Table("open", Field("point", "2"))
         self.clear()
 
     def clear(self) -> None:
         """Forget all visits."""
-        for table in (self._table, self._gateways, self._surfaces):
+        for table in (self._table, self._gateways, self._arms, self._surfaces, self._open):
             table.clear()
         self._visits: list[Visit] = []
         self._stars: list[Star] = []
-        self._alignments: dict[tuple[int, int, int], Alignment] = {}
+        self._alignments: dict[tuple[int, int, Common], Alignment] = {}
 
     def __len__(self) -> int:
         return len(self._visits)
@@ -195,40 +257,69 @@ class Visits(Stored):
         self._stars[-1] = visit.star(self._config.gateways.straight)
         return before != (self._stars[-1], visit.arrived)
 
-    def alignment(self, later: int, earlier: int, shift: int) -> Alignment:
+    def alignment(self, later: int, earlier: int, common: Common) -> Alignment:
         """Return how a visit's local map lies on that of an earlier visit."""
-        key = later, earlier, shift
+        key = later, earlier, common
         if key not in self._alignments:
             reach = self._config.places.surface_error
-            self._alignments[key] = align(self[later], self[earlier], shift, reach)
+            self._alignments[key] = align(self[later], self[earlier], common, reach)
         return self._alignments[key]
 
-    def judge(self, first: int, shift: int) -> bool:
-        """Return whether the last visit can be to the place that was first visited at `first`."""
+    def is_alike(self, found: Alignment) -> bool:
+        """Return whether two visits' gateways and local maps lie on one another."""
+        places = self._config.places
+        return found.error <= places.gateway_error and found.overlap >= places.overlap
+
+    def judge(self, first: int, common: Common, closes_loop: bool) -> bool:
+        """Return whether the last visit can be to the place that was first visited at `first`.
+
+        Between places that were not seen whole, one common gateway is too little evidence to close
+        a loop (ours). Where no loop is closed, only local maps that differ widely tell that it
+        cannot: a gateway was taken for another one (ours).
+        """
         places, last = self._config.places, len(self) - 1
-        found = self.alignment(last, first, shift)
-        if found.error > places.gateway_error or found.overlap < places.overlap:
+        if not closes_loop:
+            found = self.alignment(last, first, common)
+            return found.overlap >= min(places.overlap, _DIFFERS)
+        is_seen = self._stars[last].is_whole and self._stars[first].is_whole
+        if places.overlap > 0.0 and not is_seen and len(common) < 2:
             return False
+        # The gateways first: laying the local maps on one another takes far longer.
+        pose, error = rigid_fit(*_paired(self[last], self[first], common))
+        if error > places.gateway_error or self._drift(pose, first) > 1.0:
+            return False
+        found = self.alignment(last, first, common)
+        return self.is_alike(found) and self._drift(found.pose, first) <= 0.0
+
+    def _drift(self, pose: Pose, first: int) -> float:
+        """Return by how much the odometry's error would be too large (m)."""
+        places, last = self._config.places, self[len(self) - 1]
         if math.isinf(places.drift):
-            return True
-        moved = transform_points(found.pose, self[last].middle) - self[last].middle
-        return float(np.hypot(*moved)) <= 1.0 + places.drift * (self[last].way - self[first].way)
+            return 0.0
+        moved = transform_points(pose, last.middle) - last.middle
+        most = 1.0 + places.drift * (last.way - self[first].way)
+        return float(np.hypot(*moved)) - most
 
     def _stored(self) -> dict[str, np.ndarray]:
-        self._table.clear()
-        self._gateways.clear()
-        self._surfaces.clear()
+        for table in (self._table, self._gateways, self._arms, self._surfaces, self._open):
+            table.clear()
         for visit in self._visits:
             fields = visit._asdict()
             self._table.append(
                 **{k: fields[k] for k in ("entered", "way", "arrived", "left", "middle")},
                 gateways=len(visit.gateways),
+                arms=len(visit.unknown),
                 surface=len(visit.surface),
+                free=len(visit.open_ground),
             )
             for line in visit.gateways:
                 self._gateways.append(line=line)
+            for arm in visit.unknown:
+                self._arms.append(before=arm)
             for point in visit.surface:
                 self._surfaces.append(point=point)
+            for point in visit.open_ground:
+                self._open.append(point=point)
         return {}
 
     def _restored(self, state: Arrays) -> None:
@@ -239,42 +330,67 @@ class Visits(Stored):
 
 def visits_of(state: Arrays) -> list[Visit]:
     """Return the visits that a state holds."""
-    lines, points = state["gateways.line"], state["surfaces.point"]
-    visits, line, point = [], 0, 0
-    for k in range(len(state["visits.entered"])):
-        more, shown = int(state["visits.gateways"][k]), int(state["visits.surface"][k])
-        visits.append(
-            Visit(
-                entered=int(state["visits.entered"][k]),
-                way=float(state["visits.way"][k]),
-                arrived=int(state["visits.arrived"][k]),
-                left=int(state["visits.left"][k]),
-                middle=state["visits.middle"][k].copy(),
-                gateways=lines[line : line + more].copy(),
-                surface=points[point : point + shown].copy(),
-            )
+
+    def parts(array: str, counts: str) -> list[np.ndarray]:
+        return [part.copy() for part in np.split(state[array], np.cumsum(state[counts])[:-1])]
+
+    if not len(state["visits.entered"]):
+        return []
+    lines = parts("gateways.line", "visits.gateways")
+    arms = parts("arms.before", "visits.arms")
+    walls = parts("surfaces.point", "visits.surface")
+    free = parts("open.point", "visits.free")
+    return [
+        Visit(
+            entered=int(state["visits.entered"][k]),
+            way=float(state["visits.way"][k]),
+            arrived=int(state["visits.arrived"][k]),
+            left=int(state["visits.left"][k]),
+            middle=state["visits.middle"][k].copy(),
+            gateways=lines[k],
+            unknown=tuple(arms[k].tolist()),
+            surface=walls[k],
+            open_ground=free[k],
         )
-        line, point = line + more, point + shown
-    return visits
+        for k in range(len(lines))
+    ]
 
 
-def frames_of(
-    visits: Visits, numbers: list[tuple[int, int, int]]
-) -> Float64[np.ndarray, "visits 3"]:
+def frames_of(visits: Visits, leaf: TopologicalMap) -> Float64[np.ndarray, "visits 3"]:
     """Return the metric layout of a map: the pose of each visit's odometry frame in the map.
 
-    A place lies where the odometry put it at its first visit; a later visit is laid on it.
+    A place lies where the odometry put it at its first visit; a later visit is laid on it. Where
+    their gateways do not lie alike, the odometry since the last visit counts (ours).
 
     Args:
         visits: The visits.
-        numbers: For each visit the first visit to its place, the shift of its gateways, and itself.
+        leaf: The map.
     """
-    frames = np.zeros((len(numbers), 3))
-    for number, (first, shift, _) in enumerate(numbers):
-        if number == 0:
-            continue
-        if first == number:
-            frames[number] = frames[number - 1]
-        else:
-            frames[number] = compose(frames[first], visits.alignment(number, first, shift).pose)
+    frames = np.zeros((len(leaf.visits), 3))
+    for number, visit in enumerate(leaf.visits):
+        first = leaf.firsts[visit.place]
+        frames[number] = frames[number - 1] if number else 0.0
+        if first != number:
+            found = visits.alignment(number, first, leaf.common(number))
+            if visits.is_alike(found):
+                frames[number] = compose(frames[first], found.pose)
     return frames
+
+
+def gateways_of(
+    visits: Visits, leaf: TopologicalMap, frames: Float64[np.ndarray, "visits 3"]
+) -> list[Float64[np.ndarray, "gateways 4"]]:
+    """Return the gateways of each place in its order, in the map's frame (m).
+
+    A gateway lies where it was seen first.
+
+    Args:
+        visits: The visits.
+        leaf: The map.
+        frames: Its layout.
+    """
+    lines = [np.zeros((star.gateways, 4)) for star in leaf.stars]
+    for number in range(len(leaf.visits) - 1, -1, -1):
+        place, gateways = leaf.visits[number]
+        lines[place][list(gateways)] = transform_segments(frames[number], visits[number].gateways)
+    return lines

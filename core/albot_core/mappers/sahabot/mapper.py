@@ -28,6 +28,7 @@ from albot_core.mappers.sahabot.panorama import (
     beams_of,
     carry_along,
     look,
+    panorama_error,
 )
 from albot_core.mappers.sahabot.path_integration import (
     CompassHeading,
@@ -178,9 +179,12 @@ class Sahabot(StoredMapper):
         """Set the home vector to zero where the landmarks say that the robot is at the nest.
 
         As in the ant: "having arrived at the nest entrance and hence reset their path-integration
-        system to zero" (Wehner and others, quoted in the thesis's figure 2.11).
+        system to zero" (Wehner and others, quoted in the thesis's figure 2.11). The average alone
+        is alike at other places, too: the panorama must be that of the nest, which is ours.
         """
-        if self._homing is not None and self._homing.distance < self.config.arrived:
+        arrived = self.config.arrived
+        is_near = self._homing is not None and self._homing.distance < arrived
+        if is_near and panorama_error(self._panorama, self._nest) < arrived:
             self._position[:] = 0.0
             self._since_nest = 0.0
             self._is_away, self._is_back, self._homing = False, True, None

@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.kernels.compiled import kernel
 from albot_core.sensing.reading import LaserGeometry
@@ -19,6 +20,8 @@ DIRECTIONS = 360
 """Number of directions of a panorama; direction k is k degrees from the start's heading."""
 UNSEEN = -1.0
 """Range in a direction that was not looked in."""
+_SLACK = 5
+"""How far apart, in directions, two panoramas may show the same thing near the nest."""
 _SPACING = 2.0 * math.pi / DIRECTIONS
 
 
@@ -83,3 +86,22 @@ def look(panorama: np.ndarray, heading: float, beams: Beams, ranges: np.ndarray)
             beam = 0  # Just before the first.
         if beam < beams.number:
             panorama[k] = ranges[beam] if ranges[beam] < beams.max_range else np.inf
+
+
+def panorama_error(
+    one: Float64[np.ndarray, "directions"], other: Float64[np.ndarray, "directions"]
+) -> float:
+    """Return the median distance of what two panoramas show from what is shown there by the other.
+
+    Of each direction in which something came back, the range counts (m), beside the most alike one
+    of the other panorama within `_SLACK` directions. The difference is infinite if nothing came
+    back there, and so is the result if no direction counts. Where one was not looked in, none does.
+    """
+    errors = []
+    for here, there in ((one, other), (other, one)):
+        shown = np.isfinite(here) & (here != UNSEEN) & (there != UNSEEN)
+        beside = np.stack([np.roll(there, shift) for shift in range(-_SLACK, _SLACK + 1)])
+        beside[beside == UNSEEN] = np.inf
+        errors.append(np.abs(beside[:, shown] - here[shown]).min(axis=0))
+    found = np.concatenate(errors)
+    return float(np.median(found)) if len(found) else math.inf

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_core.mappers.hssh.map_tree import OPEN, MapTree, Travel, TreeConfig, Visit
-from albot_core.mappers.hssh.star import ENDS, Star, alignments
+from albot_core.mappers.hssh.map_tree import OPEN, Common, MapTree, Travel, TreeConfig, Visit
+from albot_core.mappers.hssh.star import ENDS, MAYBE, Merge, Star, merges
+from albot_experiments.hssh_floor import experience, places_of
 
 END, BEND, LINE = Star(ENDS), Star(ENDS, ENDS), Star(1, 0)
 TEE, FORK, CROSS = Star(1, 0, ENDS), Star(ENDS, ENDS, ENDS), Star(2, 3, 0, 1)
@@ -26,8 +27,17 @@ def enumerated(start: Star, travels: list[Travel], planar: bool) -> set[tuple]:
     for chosen in product(*choices[1:]):
         visits = ((0, 0), *chosen)
         if fits(stars, visits) and is_map(stars, travels, visits, planar):
-            found.add(visits)
+            found.add(numbered(stars, visits))
     return found
+
+
+def numbered(stars: list[Star], visits: tuple) -> tuple:
+    """Visits as the tree has them: for each gateway seen, the gateway of the place."""
+    counts = [star.gateways for star in stars]
+    return tuple(
+        (place, tuple((k + shift) % count for k in range(count)))
+        for count, (place, shift) in zip(counts, visits, strict=True)
+    )
 
 
 def fits(stars: list[Star], visits: tuple) -> bool:
@@ -170,7 +180,8 @@ def test_a_path_comes_through_a_place_once():
 
 def test_a_known_way_tells_the_place():
     tree = grown(TEE, [Travel(0, END, 0), Travel(0, TEE, 0)])
-    assert [tuple(visit) for visit in tree.best.visits] == [(0, 0), (1, 0), (0, 0)]
+    assert [visit.place for visit in tree.best.visits] == [0, 1, 0]
+    assert tree.best.visits[-1].gateways == (0, 1, 2)
     assert len(tree.maps) == 1
 
 
@@ -185,14 +196,14 @@ def test_evidence_besides_the_stars_prunes():
     tree = MapTree(BEND)
     seen = []
 
-    def judge(first: int, shift: int) -> bool:
-        seen.append((first, shift))
+    def judge(first: int, common: Common, closes_loop: bool) -> bool:
+        seen.append((first, common, closes_loop))
         return False
 
     for _ in range(4):
         tree.travel(Travel(1, BEND, 0), judge)
     assert [each.places for each in tree.maps] == [5]
-    assert (0, 0) in seen
+    assert (0, ((0, 0), (1, 1)), True) in seen
 
 
 def test_the_limit_forgets_the_least_preferred_and_says_so():
@@ -222,9 +233,26 @@ def test_a_tree_is_replayed(journey):
         assert (one.firsts, one.joined, one.paths) == (other.firsts, other.joined, other.paths)
 
 
+START = Visit(0, (0, 1, 2))
+
+
+@pytest.mark.parametrize(
+    "visits",
+    [
+        [Visit(0, (1, 0, 2)), Visit(1, (0, 1, 2, 3))],  # A first visit in another order.
+        [START, Visit(1, (0, 1, 3, 2))],
+        [START, Visit(2, (0, 1, 2, 3))],  # A place is left out.
+        [START, Visit(1, (0, 1, 2, 4))],  # And a gateway.
+    ],
+)
+def test_visits_that_no_tree_holds_are_refused(visits):
+    with pytest.raises(InputError, match="map 0: expected visits that fit the travels"):
+        MapTree.replayed(TEE, [Travel(0, CROSS, 0)], [visits])
+
+
 def test_visits_that_fit_no_travel_are_refused():
     with pytest.raises(InputError, match="map 0: expected visits that fit the travels"):
-        MapTree.replayed(TEE, [Travel(0, CROSS, 0)], [[Visit(0, 0), Visit(0, 0)]])
+        MapTree.replayed(TEE, [Travel(0, CROSS, 0)], [[START, Visit(0, (0, 1, 2, 3))]])
 
 
 @pytest.mark.parametrize(("left", "arrived"), [(3, 0), (0, 4), (-1, 0)])
@@ -236,9 +264,102 @@ def test_a_gateway_that_is_not_there_is_refused(left, arrived):
 def test_stars_of_one_shape():
     assert TEE.turned(1) == Star(2, ENDS, 0)
     assert TEE.turned(1).kind == TEE.turned(2).kind == TEE.kind
-    assert alignments(CROSS, CROSS) == (0, 1, 2, 3)
-    assert alignments(TEE.turned(1), TEE) == (1,)
-    assert alignments(Star(), Star()) == (0,)
+    assert len(merges(CROSS, CROSS, 0)) == 4
+    assert [merge.seen for merge in merges(TEE.turned(1), TEE, 0)] == [(1, 2, 0)]
     assert [star.paths for star in STARS] == [1, 2, 1, 2, 3, 2]
     with pytest.raises(InputError, match="Star, gateway 0"):
         Star(0)
+    with pytest.raises(InputError, match="Star, unknown: expected numbers below 2"):
+        Star(ENDS, ENDS, unknown=[2])
+
+
+# Places that were not seen whole.
+
+
+def glimpsed(star: Star, kept: list[int]) -> Star:
+    """What is seen of a star whose other gateways lie in unknown arms."""
+    continues = [kept.index(k) if k in kept else ENDS for k in (star.continues[g] for g in kept)]
+    unknown = {
+        sum(other < hidden for other in kept) % len(kept)
+        for hidden in range(star.gateways)
+        if hidden not in kept
+    }
+    return Star(*continues, unknown=unknown)
+
+
+def test_a_gateway_seen_later_refines_the_star():
+    """A tee of which one arm was not seen, and the tee."""
+    first, whole = glimpsed(TEE, [1, 2]), TEE
+    assert first == Star(ENDS, ENDS, unknown=[0])
+    (merge,) = (each for each in merges(whole, first, 1) if each.seen[1] == each.known[0])
+    assert merge.star.kind == TEE.kind
+    assert merge.star.is_whole
+    tree = grown(first, [Travel(0, END, 0), Travel(0, whole, 1), Travel(0, END, 0)])
+    assert [visit.place for visit in tree.best.visits] == [0, 1, 0, 2]
+    assert tree.best.stars[0].kind == TEE.kind
+    assert tree.contradictions == 0
+
+
+def test_an_arm_without_a_gateway_is_whole_in_the_end():
+    (merge,) = (each for each in merges(BEND, Star(ENDS, ENDS, unknown=[1]), 0) if not each.seen[0])
+    assert merge.star == BEND
+
+
+def test_what_continues_a_gateway_is_open_where_two_visits_saw_one_gateway_each():
+    both = merges(Star(ENDS, unknown=[0]), Star(ENDS, unknown=[0]), 0)
+    assert Merge(Star(MAYBE, MAYBE, unknown=[0, 1]), (1,), (0,)) in both
+    line = [merge.star for merge in merges(LINE, Star(MAYBE, MAYBE), 0)]
+    assert line == [LINE, LINE]
+
+
+def test_paths_that_differ_on_gateways_that_both_have_are_a_contradiction():
+    assert merges(LINE, BEND, 0) == ()
+    assert merges(glimpsed(CROSS, [0, 2]), Star(ENDS, ENDS, ENDS, ENDS), 0) == ()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(STARS), st.data())
+def test_two_glimpses_of_a_star_may_be_of_it(star, data):
+    count, arrived = star.gateways, data.draw(st.integers(0, star.gateways - 1))
+    subsets = [sorted(data.draw(st.sets(st.integers(0, count - 1))) | {arrived}) for _ in range(2)]
+    seen, known = (glimpsed(star, kept) for kept in subsets)
+    every = sorted({*subsets[0], *subsets[1]})
+    zero = every.index(subsets[1][0])
+    places = [
+        tuple((every.index(gateway) - zero) % len(every) for gateway in kept) for kept in subsets
+    ]
+    found = [each for each in merges(seen, known, subsets[0].index(arrived))
+             if [each.seen, each.known] == places]  # fmt: skip
+    assert len(found) == 1
+    true = glimpsed(star, every).turned(zero)
+    assert found[0].star.unknown >= true.unknown
+    for told, is_so in zip(found[0].star.continues, true.continues, strict=True):
+        assert told in {is_so, MAYBE}
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.data())
+def test_the_correct_map_is_never_pruned(data):
+    """On the floor of the experiment, with arms of any visit not seen."""
+    star, travels = experience()
+    stars = [star, *(travel.star for travel in travels)]
+    used = [{travel.left} for travel in travels] + [set()]
+    for k, travel in enumerate(travels, start=1):
+        used[k].add(travel.arrived)
+    hidden = data.draw(st.lists(st.booleans(), min_size=len(stars), max_size=len(stars)))
+    kept = [
+        [g for g in range(each.gateways) if g in needed or not hides or g % 2]
+        for each, needed, hides in zip(stars, used, hidden, strict=True)
+    ]
+    seen = [glimpsed(each, some) for each, some in zip(stars, kept, strict=True)]
+    journey = [
+        Travel(kept[k].index(travel.left), seen[k + 1], kept[k + 1].index(travel.arrived))
+        for k, travel in enumerate(travels)
+    ]
+    few = journey[:9]
+    tree = grown(seen[0], few, limit=20_000)
+    assert tree.contradictions == 0
+    assert places_of()[:10] in [[visit.place for visit in leaf.visits] for leaf in tree.maps]
+    twin = MapTree.replayed(seen[0], few, [each.visits for each in tree.maps])
+    for one, other in zip(tree.maps, twin.maps, strict=True):
+        assert (one.stars, one.joined, one.paths) == (other.stars, other.joined, other.paths)

@@ -18,7 +18,14 @@ from albot_core.mappers.sahabot.landmarks import (
     landmark_chords,
     seen_by_both,
 )
-from albot_core.mappers.sahabot.panorama import DIRECTIONS, UNSEEN, beams_of, carry_along, look
+from albot_core.mappers.sahabot.panorama import (
+    DIRECTIONS,
+    UNSEEN,
+    beams_of,
+    carry_along,
+    look,
+    panorama_error,
+)
 from albot_core.sensing.reading import LaserGeometry
 
 CONFIG = SectorConfig()
@@ -40,6 +47,15 @@ def panorama(*parts: tuple[int, int, float], background: float = np.inf) -> np.n
     for first, count, reach in parts:
         ranges[np.arange(first, first + count) % DIRECTIONS] = reach
     return ranges
+
+
+def panorama_of(posts: np.ndarray, place: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """The panorama of posts from a place."""
+    parts = [
+        (round(math.degrees(middle - width / 2)), round(math.degrees(width)), reach)
+        for middle, width, reach in sectors(posts, place)
+    ]
+    return panorama(*parts)
 
 
 def test_a_post_is_found_by_the_centre_of_its_sector_also_across_direction_0() -> None:
@@ -188,3 +204,20 @@ def test_a_laser_that_looks_all_round_leaves_nothing_unseen() -> None:
         seen = np.full(DIRECTIONS, UNSEEN)
         look(seen, heading, beams_of(laser), np.full(360, 4.0))
         assert (seen == 4.0).all()
+
+
+def test_the_error_of_a_panorama_is_the_median_of_what_it_shows() -> None:
+    round_wall = np.full(DIRECTIONS, 3.0)
+    assert panorama_error(round_wall, round_wall) == 0.0
+    assert panorama_error(round_wall, round_wall + 0.5) == pytest.approx(0.5)
+    assert panorama_error(round_wall, OPEN) == np.inf
+    assert panorama_error(OPEN, OPEN) == np.inf
+    half = np.where(np.arange(DIRECTIONS) < 180, 3.0, UNSEEN)
+    assert panorama_error(half, np.where(half == UNSEEN, 9.0, half)) == 0.0
+    assert panorama_error(half, np.full(DIRECTIONS, UNSEEN)) == np.inf
+
+
+@pytest.mark.parametrize(("step", "is_alike"), [(0.1, True), (0.2, True), (1.0, False)])
+def test_posts_are_shown_alike_near_the_nest_only(step: float, is_alike: bool) -> None:
+    nest, now = panorama_of(SQUARE), panorama_of(SQUARE, (step, 0.0))
+    assert (panorama_error(nest, now) < 0.25) == is_alike

@@ -122,6 +122,15 @@ def test_without_landmarks_only_the_home_vector_is_left() -> None:
         assert len(mapper.snapshot().place_graph.nodes[0].segments) == len(posts)
 
 
+def test_a_place_with_landmarks_in_the_same_directions_is_not_the_nest() -> None:
+    """The posts stand twice as far away where the robot comes back to."""
+    there = there_and_back()
+    out, home = readings(there), readings(there, posts=2.0 * POSTS)
+    mapper = run(Sahabot(), [*out[: len(out) // 2], *home[len(out) // 2 :]])
+    assert mapper.estimate.matched_reading is None
+    assert run(Sahabot(), out).estimate.matched_reading == 0
+
+
 def test_a_compass_that_stands_still_is_told_and_gives_no_nan() -> None:
     poses = there_and_back()
     given = [replace(each, compass=0.5) for each in readings(poses)]
