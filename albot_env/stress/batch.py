@@ -158,7 +158,10 @@ class BatchChecker:
         versions = self._batch.map_versions
         changed = np.flatnonzero(versions != self._versions).tolist()
         self._versions = versions.copy()
-        wrong = {row: _map_findings(self._batch.snapshot(row)) for row in changed}
+        lost = self._batch.lost
+        wrong = {
+            row: _map_findings(self._batch.snapshot(row), lost=bool(lost[row])) for row in changed
+        }
         return {row: findings for row, findings in wrong.items() if findings}
 
     def _check(self, step: Step, *, rewarded: bool) -> dict[int, list[Finding]]:
@@ -327,9 +330,10 @@ def _truthful(step: Step) -> Bool[np.ndarray, "environments"]:
     return np.asarray((faults == "") & (step.readings.stamps == step.infos["time"]))
 
 
-def _map_findings(snapshot: MapSnapshot) -> list[Finding]:
-    """Return what is wrong with a map."""
-    found = {"map": check_map(snapshot), "places": check_places(snapshot.place_graph)}
+def _map_findings(snapshot: MapSnapshot, *, lost: bool) -> list[Finding]:
+    """Return what is wrong with the map of a robot."""
+    places = check_places(snapshot.place_graph, lost=lost)
+    found = {"map": check_map(snapshot), "places": places}
     return [Finding(name, line) for name, lines in found.items() for line in lines]
 
 

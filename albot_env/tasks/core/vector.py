@@ -295,6 +295,11 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         return self._robots.snapshot(self._row(environment))
 
     @property
+    def lost(self) -> Bool[np.ndarray, "environments"]:
+        """Whether each robot believes to be lost; never without a mapper that can tell."""
+        return self._robots.lost
+
+    @property
     def map_versions(self) -> Int64[np.ndarray, "environments"]:
         """Number of changes of each robot's map."""
         return self._robots.map_versions

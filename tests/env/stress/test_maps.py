@@ -62,6 +62,12 @@ def test_a_graph_with_something_wrong(changes: dict[str, object], found: str):
     assert any(found in line for line in check_places(dataclasses.replace(GRAPH, **changes)))
 
 
+def test_a_lost_robot_begins_a_place_that_nobody_entered():
+    carried = dataclasses.replace(GRAPH, edges=GRAPH.edges[:2])
+    assert check_places(carried) == ["no way leads into the place 4"]
+    assert check_places(carried, lost=True) == []
+
+
 @pytest.mark.parametrize("field", ["motion", "doorway"])
 def test_a_connection_that_is_not_finite(field: str):
     value = np.full(3 if field == "motion" else 4, np.nan)
