@@ -14,7 +14,7 @@ from albot_core.yaml_document import dump_yaml, read_yaml
 from albot_reliability.fault_sampling import ROOT
 from albot_stress.campaign import read_campaign
 
-CAMPAIGNS = ("all_worlds", "explorers", "faults")
+CAMPAIGNS = ("all_worlds", "explorers", "faults", "homing", "mission")
 """The campaigns that are run, files of `docs/campaigns`."""
 _FOLDER = Path("docs/campaigns")
 _INTRODUCTION = """\
@@ -23,7 +23,8 @@ the reward is the sum of its terms; the robot is in no wall, box or person, and 
 behind a wall; ranges are those of the surfaces around, by another ray caster, an eighth of the
 beams and sonars at each step in turns; maps are finite and bounded, and their places connected; a
 second mapper with the same readings believes the same to the bit; of one episode in five hundred,
-the recording replays to the bit ([campaigns](campaigns.md))."""
+the recording replays to the bit ([campaigns](campaigns.md)). The machine was shared with other
+work, so that the steps a second are no measure of speed ([scaling](scaling.md) is)."""
 
 
 def measure(share: float, jobs: int, before: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,9 +35,9 @@ import albot_env
 from albot_core.errors import InputError
 from albot_core.files import (
     atomic_write,
+    decode_text,
     make_folder,
     read_bytes,
-    read_text,
     sole_writer,
     write_all,
     write_text,
@@ -231,7 +231,7 @@ class RowsFolder:
         whole = content[: content.rfind(b"\n") + 1]
         if len(whole) < len(content):
             self._tail.truncate(len(whole))
-        self._waiting = [json.loads(line) for line in whole.splitlines()]
+        self._waiting = list(_read_lines(self.path / TAIL, self.columns, torn=True))
         self._bytes = len(whole)
 
     def _write_part(self) -> None:
@@ -280,10 +280,11 @@ def read_rows(folder: Path, columns: Columns) -> Iterator[Row]:
 
 def _read_lines(path: Path, columns: Columns, *, torn: bool = False) -> Iterator[Row]:
     """Yield the rows of JSON lines; `torn` allows that the last line is not complete."""
-    text = read_text(path, _LARGEST_PART, "replace" if torn else "strict")
-    lines = text.split("\n")
-    last = lines.pop()
-    if last and not torn:
+    content = read_bytes(path, _LARGEST_PART)
+    if torn:
+        content = content[: content.rfind(b"\n") + 1]
+    lines = decode_text(content, path).split("\n")
+    if lines.pop():
         raise InputError(path, "lines that end with a line feed", "a torn one")
     kinds = {NUMBER: int, **{name: _TYPES[kind] for name, kind in columns.items()}}
     for number, line in enumerate(lines, start=1):

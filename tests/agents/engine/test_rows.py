@@ -181,6 +181,10 @@ def test_others_are_refused_and_nothing_is_changed(tmp_path: Path) -> None:
         (b"[]\n", "line 1"),
         (b'{"number": -1, "name": "", "seed": 0, "length": 0.0, "found": []}\n', "-1"),
         (b"\xff\n", "line 1"),
+        (
+            b'{"number": 1, "name": "\xff", "seed": 0, "length": 0.0, "found": []}\n',
+            "line 1: expected UTF-8 text, found the byte 0xff",
+        ),
         (b'{"number": 1, "name": 3, "seed": 0, "length": 0.0, "found": []}\n', "line 1, name.* 3"),
         (b'{"number": 1, "name": "", "seed": 0, "length": "x", "found": []}\n', "length.* x"),
         (
