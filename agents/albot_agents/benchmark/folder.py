@@ -137,7 +137,10 @@ class ResultsFolder:
         """Return the version of the protocol."""
         manifest = self._manifest
         if not manifest.exists():
-            if self.path.is_dir() and any(self.path.iterdir()):
+            # What a killed process has left of the manifest is deleted by `locked`.
+            if self.path.is_dir() and not all(
+                is_left_over(path, _WRITTEN) for path in self.path.iterdir()
+            ):
                 expected = f"a new or an empty folder, or one with {_MANIFEST}"
                 raise InputError(self.path, expected, "other files")
             return LATEST if version is None else version

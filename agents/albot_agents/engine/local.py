@@ -8,6 +8,7 @@ result names the step that the task had reached and the cause.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 import tempfile
@@ -185,7 +186,7 @@ def _ending(status: int) -> str:
 def _serve(work: Work[Any, Any], scratch: str, link: Connection, step: Any) -> None:
     """Run, in the worker process, the tasks that arrive through the link until it closes."""
     tempfile.tempdir = scratch
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    threading.Thread(target=_die_with_parent, args=(scratch,), daemon=True).start()
 
     def on_step(number: int) -> None:
         step.value = number
@@ -198,11 +199,15 @@ def _serve(work: Work[Any, Any], scratch: str, link: Connection, step: Any) -> N
         link.send(attempt(work, task, on_step))
 
 
-def _die_with_parent() -> None:
-    """End this process, whatever it is doing, when its parent process has ended."""
+def _die_with_parent(scratch: str) -> None:
+    """End this process, whatever it is doing, when its parent process has ended.
+
+    A parent that was killed has not removed the folder for temporary files.
+    """
     parent = parent_process()
     assert parent is not None
     parent.join()
+    shutil.rmtree(scratch, ignore_errors=True)
     os._exit(1)
 
 

@@ -36,6 +36,7 @@ from albot_core.errors import InputError
 from albot_core.files import (
     atomic_write,
     decode_text,
+    is_left_over,
     make_folder,
     read_bytes,
     sole_writer,
@@ -164,9 +165,12 @@ class RowsFolder:
                     self._write_part()
 
     def _begin(self) -> None:
-        if self.path.is_dir() and any(self.path.iterdir()):
-            raise InputError(self.path, "a new or an empty folder (or --resume)", "other files")
         make_folder(self.path)
+        for path in self.path.iterdir():
+            if not is_left_over(path, (MANIFEST,)):
+                raise InputError(self.path, "a new or an empty folder (or --resume)", "other files")
+        for left in self.path.iterdir():  # By a process that was killed right here.
+            left.unlink(missing_ok=True)
         manifest = {name: getattr(self.manifest, name) for name in ("command", "plan", "tasks")}
         manifest |= {"words": list(self.manifest.words), "version": albot_env.__version__}
         write_text(self.path / MANIFEST, json.dumps(manifest, indent=1) + "\n")

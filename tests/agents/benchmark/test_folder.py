@@ -206,6 +206,15 @@ def test_what_a_killed_process_left_is_removed(folder: ResultsFolder) -> None:
         assert not any(left.exists() for left in every)
 
 
+def test_a_folder_that_a_killed_process_had_just_begun_is_begun_again(tmp_path: Path) -> None:
+    left = tmp_path / ".benchmark.json.ab12_x9z"
+    left.touch()
+    folder = ResultsFolder(tmp_path)
+    folder.begin()
+    with folder.locked():
+        assert not left.exists()
+
+
 def test_what_others_put_there_stays(folder: ResultsFolder) -> None:
     cells = folder.file(cell()).parent
     (cells / ".a.b.c").mkdir()

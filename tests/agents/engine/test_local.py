@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from albot_agents.engine.engine import RERUNS, Crash, OnStep
 from albot_agents.engine.local import LocalEngine
 from albot_core.errors import InputError
 from albot_core.interrupts import INTERRUPTS
-from tests.processes import running
+from tests.processes import running, wait_until
 
 
 def blocked_signals(task: int, on_step: OnStep, /) -> list[str]:
@@ -133,6 +134,35 @@ def test_nothing_is_left_of_a_process_that_is_ended(
     assert left.is_relative_to(tmp_path)
     results.close()
     assert not list(tmp_path.iterdir())
+
+
+def test_workers_tidy_up_after_one_that_was_killed(tmp_path: Path) -> None:
+    program = (
+        "from albot_agents.engine.local import LocalEngine\n"
+        "from tests.agents.engine.test_local import leaving_files\n"
+        "if __name__ == '__main__':\n"
+        "    results = LocalEngine(2).run(leaving_files, range(2))\n"
+        "    print(next(results).result, flush=True)\n"
+        "    input()\n"
+    )
+    (tmp_path / "program.py").write_text(program)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    paths = os.pathsep.join(path for path in sys.path if path)
+    process = subprocess.Popen(
+        [sys.executable, tmp_path / "program.py"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(scratch), "PYTHONPATH": paths},
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith(str(scratch).encode())
+        assert list(scratch.iterdir())
+    finally:
+        process.kill()
+        process.communicate()
+    wait_until(lambda: not list(scratch.iterdir()))
 
 
 def test_closing_ends_all_processes_and_takes_no_more_tasks() -> None:

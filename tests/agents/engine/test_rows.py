@@ -210,6 +210,13 @@ def test_a_damaged_tail_names_its_line(tmp_path: Path, content: bytes, found: st
         pytest.fail("opened")
 
 
+def test_a_folder_that_a_killed_process_had_just_begun_is_begun_again(tmp_path: Path) -> None:
+    (tmp_path / ".run.json.ab12_x9z").touch()
+    with folder_of(tmp_path).opened(resume=False) as rows:
+        assert rows == {}
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_a_row_of_a_task_that_is_none_is_refused(tmp_path: Path, packs: bool) -> None:
     path = tmp_path / "rows"
     with folder_of(path).opened(resume=False):
