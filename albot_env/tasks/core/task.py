@@ -128,6 +128,11 @@ class Task(ABC):
 
     @property
     @abstractmethod
+    def lost(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each robot believes to be lost; never without a mapper that can tell."""
+
+    @property
+    @abstractmethod
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
         """Number of changes of each map."""
 

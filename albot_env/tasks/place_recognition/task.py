@@ -293,6 +293,11 @@ class PlaceRecognitionTask(Task):
         return self._at(row).activity
 
     @property
+    def lost(self) -> Bool[np.ndarray, "robots"]:
+        """False: an arrival is where the guide has led the robot."""
+        return np.zeros(len(self.map_versions), np.bool_)
+
+    @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
         """The same as `updates`."""
         return self._answers.arrivals
