@@ -285,20 +285,24 @@ def line_across(
     """
     rows, columns = states.shape
     reach = int(2.0 * clearance[row, column]) + 3
-    nearest, i1, j1 = np.inf, -1, -1
+    nearest, i1, j1 = 2 * reach * reach + 1, -1, -1
     for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
+        if (i - row) * (i - row) >= nearest:
+            continue
         for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
-            away = (i - row) ** 2 + (j - column) ** 2
+            away = (i - row) * (i - row) + (j - column) * (j - column)
             if states[i, j] != FREE and away < nearest:
                 nearest, i1, j1 = away, i, j
     if i1 < 0:
         return -1, -1, -1, -1
     up, across = i1 - row, j1 - column
     length = math.sqrt(up * up + across * across)
-    second, i2, j2 = np.inf, -1, -1
+    second, i2, j2 = 2 * reach * reach + 1, -1, -1
     for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
+        if (i - row) * (i - row) >= second:
+            continue
         for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
-            away = (i - row) ** 2 + (j - column) ** 2
+            away = (i - row) * (i - row) + (j - column) * (j - column)
             if states[i, j] == FREE or away >= second:
                 continue
             if (i - row) * up + (j - column) * across < -0.5 * length * math.sqrt(away):
@@ -520,7 +524,7 @@ def _border(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int]
     Each is row and column of the cell, and the label to its right. The region lies to the left. The
     southern side of its lowest cell comes first, eastwards.
     """
-    sides = np.empty((4 * labels.size, 3), np.int64)
+    sides = np.empty((_sides(labels), 3), np.int64)
     # `turn` counts quarter turns from the east.
     i, j, turn, count = row, column, 0, 0
     while count < len(sides):
@@ -538,6 +542,19 @@ def _border(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int]
         if i == row and j == column and turn == 0:
             break
     return sides, count
+
+
+@kernel()
+def _sides(labels: np.ndarray) -> int:
+    """Return the number of sides of the region's cells that lie along its borders."""
+    rows, columns = labels.shape
+    count = 0
+    for i in range(1, rows - 1):
+        for j in range(1, columns - 1):
+            if labels[i, j] == _INSIDE:
+                for n in range(4):
+                    count += labels[i + _UP[n], j + _ACROSS[n]] != _INSIDE
+    return count
 
 
 @kernel(arrays=True)
