@@ -107,16 +107,7 @@ def distances(free: Bool[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "ro
     Computing 2012. Without any such cell the distances are those to beyond the grid.
     """
     rows, columns = free.shape
-    far = rows + columns
-    away = np.empty(free.shape, np.int32)  # Within the column. Row by row, as they lie in memory.
-    for j in range(columns):
-        away[0, j] = far if free[0, j] else 0
-    for i in range(1, rows):
-        for j in range(columns):
-            away[i, j] = min(away[i - 1, j] + 1, far) if free[i, j] else 0
-    for i in range(rows - 2, -1, -1):
-        for j in range(columns):
-            away[i, j] = min(away[i, j], away[i + 1, j] + 1)
+    away = _within_columns(free)
     found = np.zeros(free.shape, np.float32)
     at, bounds = np.empty(columns, np.int64), np.empty(columns + 1)
     for i in range(rows):
@@ -133,6 +124,26 @@ def distances(free: Bool[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "ro
                 first, last = max(start - 1, 0), min(stop + 1, columns)
                 _nearest_in_row(away[i], first, last, at, bounds, found[i])
     return found
+
+
+@kernel(arrays=True)
+def _within_columns(free: np.ndarray) -> np.ndarray:
+    """Return the distance of each cell to the nearest one in its column that is not free (cells).
+
+    It goes row by row, as the cells lie in memory.
+    """
+    rows, columns = free.shape
+    far = rows + columns
+    away = np.empty(free.shape, np.int32)
+    for j in range(columns):
+        away[0, j] = far if free[0, j] else 0
+    for i in range(1, rows):
+        for j in range(columns):
+            away[i, j] = min(away[i - 1, j] + 1, far) if free[i, j] else 0
+    for i in range(rows - 2, -1, -1):
+        for j in range(columns):
+            away[i, j] = min(away[i, j], away[i + 1, j] + 1)
+    return away
 
 
 @kernel()

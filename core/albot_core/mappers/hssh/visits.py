@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 
 from albot_core.geometry.poses import compose, inverse, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.gateways import FREE, WALL, Ground, continuations
 from albot_core.mappers.hssh.map_tree import Common, TopologicalMap, Travel
@@ -69,7 +70,9 @@ class Alignment(NamedTuple):
     """Root mean square distance of the gateways' ends (m)."""
     overlap: float
     """Share of the points on walls that are found again, of those that the other map knows: where
-    it has neither a wall nor free ground, nothing was seen."""
+    it has neither a wall nor free ground, nothing was seen. 1 if there are none."""
+    evidence: int
+    """Number of the points on walls that the other map knows, of both maps."""
 
 
 def surface_of(
@@ -106,22 +109,37 @@ def open_ground_of(
     return np.asarray(points[inside], np.float64)
 
 
+@kernel(arrays=True)
 def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
     """Return the pose that moves points onto others, and the root mean square distance left (m).
 
     K. Arun, T. Huang and S. Blostein, Least-squares fitting of two 3-D point sets, PAMI 1987, in
     the plane.
     """
-    middle, target = points.mean(axis=0), onto.mean(axis=0)
-    one, other = points - middle, onto - target
-    sine = float(np.sum(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
-    turn = math.atan2(sine, float(np.sum(one * other)))
+    count = len(points)
+    middle, target = np.zeros(2), np.zeros(2)
+    for k in range(count):
+        for axis in range(2):
+            middle[axis] += points[k, axis] / count
+            target[axis] += onto[k, axis] / count
+    sine = cosine = 0.0
+    for k in range(count):
+        x, y = points[k, 0] - middle[0], points[k, 1] - middle[1]
+        right, up = onto[k, 0] - target[0], onto[k, 1] - target[1]
+        sine += x * up - y * right
+        cosine += x * right + y * up
+    turn = math.atan2(sine, cosine)
     cos, sin = math.cos(turn), math.sin(turn)
-    x = target[0] - cos * middle[0] + sin * middle[1]
-    y = target[1] - sin * middle[0] - cos * middle[1]
-    pose = np.array((x, y, turn))
-    left = transform_points(pose, points) - onto
-    return pose, float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
+    left = 0.0
+    for k in range(count):
+        x, y = points[k, 0] - middle[0], points[k, 1] - middle[1]
+        right, up = onto[k, 0] - target[0], onto[k, 1] - target[1]
+        left += (cos * x - sin * y - right) ** 2 + (sin * x + cos * y - up) ** 2
+    pose = np.empty(3)
+    pose[0] = target[0] - cos * middle[0] + sin * middle[1]
+    pose[1] = target[1] - sin * middle[0] - cos * middle[1]
+    pose[2] = turn
+    return pose, math.sqrt(left / count)
 
 
 def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignment:
@@ -139,10 +157,10 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
     if error > reach:  # Some gateways lie elsewhere in the place than on the other visit.
         starts += [rigid_fit(lines[k : k + 2], onto[k : k + 2])[0] for k in range(0, len(lines), 2)]
     if not len(later.surface) or not len(earlier.surface):
-        return Alignment(pose, error, 1.0)
+        return Alignment(pose, error, 1.0, 0)
     found = [_laid_on(later, earlier, start, reach) for start in starts]
-    pose, overlap = max(found, key=lambda each: each[1])
-    return Alignment(pose, error, overlap)
+    pose, overlap, evidence = max(found, key=lambda each: each[1])
+    return Alignment(pose, error, overlap, evidence)
 
 
 def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Points]:
@@ -153,8 +171,8 @@ def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Point
     return later.gateways[ours].reshape(-1, 2), earlier.gateways[theirs].reshape(-1, 2)
 
 
-def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float]:
-    """Return the pose and overlap of local maps, by the points on walls near one another."""
+def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float, int]:
+    """Return pose, overlap and evidence of local maps, by the points on walls near one another."""
     tree = KDTree(earlier.surface)
     for _ in range(_STEPS):
         moved = transform_points(pose, later.surface)
@@ -167,7 +185,8 @@ def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Po
     found, missed = _agreement(tree, earlier.open_ground, moved, reach)
     back = transform_points(inverse(pose), earlier.surface)
     more, fewer = _agreement(KDTree(later.surface), later.open_ground, back, reach)
-    return pose, (found + more) / max(found + more + missed + fewer, 1)
+    known = found + more + missed + fewer
+    return pose, (found + more) / max(known, 1), known
 
 
 def _agreement(
@@ -274,22 +293,26 @@ class Visits(Stored):
         """Return whether the last visit can be to the place that was first visited at `first`.
 
         Between places that were not seen whole, one common gateway is too little evidence to close
-        a loop (ours). Where no loop is closed, only local maps that differ widely tell that it
-        cannot: a gateway was taken for another one (ours).
+        a loop, and so is a small common part of the local maps (ours). Where no loop is closed,
+        only local maps that differ widely, or lie too far from one another, tell that it cannot: a
+        gateway was taken for another one, or a place was passed without being perceived (ours).
         """
         places, last = self._config.places, len(self) - 1
+        is_seen = self._stars[last].is_whole and self._stars[first].is_whole
+        least = 0 if is_seen or places.overlap == 0.0 else places.evidence
         if not closes_loop:
             found = self.alignment(last, first, common)
-            return found.overlap >= min(places.overlap, _DIFFERS)
-        is_seen = self._stars[last].is_whole and self._stars[first].is_whole
-        if places.overlap > 0.0 and not is_seen and len(common) < 2:
+            is_like = found.overlap >= min(places.overlap, _DIFFERS) and found.evidence >= least
+            return is_like and self._drift(found.pose, first) <= 0.0
+        if least and len(common) < 2:
             return False
         # The gateways first: laying the local maps on one another takes far longer.
         pose, error = rigid_fit(*_paired(self[last], self[first], common))
         if error > places.gateway_error or self._drift(pose, first) > 1.0:
             return False
         found = self.alignment(last, first, common)
-        return self.is_alike(found) and self._drift(found.pose, first) <= 0.0
+        is_close = self._drift(found.pose, first) <= 0.0
+        return self.is_alike(found) and is_close and found.evidence >= least
 
     def _drift(self, pose: Pose, first: int) -> float:
         """Return by how much the odometry's error would be too large (m)."""
