@@ -66,7 +66,7 @@ class HsshConfig:
     """Matching of a scan with the latest ones: localisation in the local perceptual map."""
     grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.05, reach=8.0))
     """The cells of the local perceptual map."""
-    half: float = 8.0
+    half: float = 6.0
     """Half the side of the square around the robot that the local perceptual map covers (m)."""
     gateways: GatewayConfig = field(default_factory=GatewayConfig)
     """What counts as a gateway."""
