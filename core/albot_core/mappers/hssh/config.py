@@ -67,7 +67,8 @@ class HsshConfig:
     grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.05, reach=8.0))
     """The cells of the local perceptual map."""
     half: float = 6.0
-    """Half the side of the square around the robot that the local perceptual map covers (m)."""
+    """Half the side of the square around the robot in which gateways are searched (m). The local
+    perceptual map reaches as far as the beams, if that is farther."""
     gateways: GatewayConfig = field(default_factory=GatewayConfig)
     """What counts as a gateway."""
     places: PlaceConfig = field(default_factory=PlaceConfig)

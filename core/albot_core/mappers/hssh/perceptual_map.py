@@ -11,7 +11,13 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.hssh.gateways import FREE, WALL, Ground
 from albot_core.mappers.schema import Schema
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
-from albot_core.mappers.slam.tiles import NONE, release_tiles, tiles_around
+from albot_core.mappers.slam.tiles import (
+    NONE,
+    PoolArrays,
+    log_odds_at,
+    release_tiles,
+    tiles_around,
+)
 from albot_core.mappers.stored import Stored
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.sensing.reading import LaserScan
@@ -64,13 +70,11 @@ class LocalPerceptualMap(Stored):
             pose: The robot's pose.
             island: Largest extent of what stands alone on free ground and counts as free (m).
         """
-        cells, corner = self.grid.log_odds()
-        cell = self.grid.config.cell
-        low = np.floor((pose[:2] - self._half - corner) / cell).astype(int)
-        high = np.ceil((pose[:2] + self._half - corner) / cell).astype(int)
-        low, high = np.maximum(low, 0), np.maximum(high, 0)
-        part = cells[low[1] : high[1], low[0] : high[0]]
-        return Ground(states_of(part, int(island / cell)), corner + (low - 1) * cell, cell)
+        grid, cell = self.grid, self.grid.config.cell
+        low = np.floor((pose[:2] - self._half) / cell).astype(np.int64)
+        high = np.ceil((pose[:2] + self._half) / cell).astype(np.int64)
+        belief = _belief_within(grid.pool.arrays, grid.index, grid.corner, low, high)
+        return Ground(states_of(belief, int(island / cell)), (low - 1) * cell, cell)
 
     def layer(self, frame: Pose) -> OccupancyGridLayer:
         """Return the map as a layer, given the pose of the odometry's frame in the map's."""
@@ -80,6 +84,26 @@ class LocalPerceptualMap(Stored):
             resolution=layer.resolution,
             occupancy=layer.occupancy,
         )
+
+
+@kernel(arrays=True)
+def _belief_within(
+    pool: PoolArrays, index: np.ndarray, corner: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Return the log odds of the cells of a rectangle, 0 where nothing is known (rows, columns).
+
+    Args:
+        pool: The tiles.
+        index: The tile at each place (rows, columns).
+        corner: Row and column of the index's first tile.
+        low: Column and row of the first cell.
+        high: The ends of the columns and rows.
+    """
+    belief = np.empty((high[1] - low[1], high[0] - low[0]), np.float32)
+    for i in range(belief.shape[0]):
+        for j in range(belief.shape[1]):
+            belief[i, j] = log_odds_at(pool, index, corner, low[1] + i, low[0] + j)
+    return belief
 
 
 @kernel(arrays=True)
