@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.spatial import KDTree
 
-from albot_core.geometry.poses import compose, inverse, transform_points, transform_segments
+from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.hssh.config import HsshConfig
@@ -158,7 +157,8 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
         starts += [rigid_fit(lines[k : k + 2], onto[k : k + 2])[0] for k in range(0, len(lines), 2)]
     if not len(later.surface) or not len(earlier.surface):
         return Alignment(pose, error, 1.0, 0)
-    found = [_laid_on(later, earlier, start, reach) for start in starts]
+    maps = later.surface, later.open_ground, earlier.surface, earlier.open_ground
+    found = [_laid_on(*maps, start, reach) for start in starts]
     pose, overlap, evidence = max(found, key=lambda each: each[1])
     return Alignment(pose, error, overlap, evidence)
 
@@ -171,37 +171,91 @@ def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Point
     return later.gateways[ours].reshape(-1, 2), earlier.gateways[theirs].reshape(-1, 2)
 
 
-def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float, int]:
-    """Return pose, overlap and evidence of local maps, by the points on walls near one another."""
-    tree = KDTree(earlier.surface)
+@kernel(arrays=True)
+def _laid_on(
+    walls: np.ndarray,
+    free: np.ndarray,
+    other_walls: np.ndarray,
+    other_free: np.ndarray,
+    pose: np.ndarray,
+    reach: float,
+) -> tuple[np.ndarray, float, int]:
+    """Return pose, overlap and evidence of local maps, by the points on walls near one another.
+
+    P. Besl and N. McKay, A method for registration of 3-D shapes, PAMI 1992 (ICP).
+
+    Args:
+        walls: Points on the walls of the later visit (points, 2) (m).
+        free: Points on its free ground (points, 2) (m).
+        other_walls: Those of the earlier visit.
+        other_free: Those of the earlier visit.
+        pose: The pose of the later visit's frame in the other one to begin with.
+        reach: Largest distance of a point from the same wall (m).
+    """
+    close, onto = np.empty_like(walls), np.empty_like(walls)
     for _ in range(_STEPS):
-        moved = transform_points(pose, later.surface)
-        away, nearest = tree.query(moved)
-        close = away < 2.0 * reach
-        if close.sum() < 3:
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        count = 0
+        for k in range(len(walls)):
+            x = pose[0] + cos * walls[k, 0] - sin * walls[k, 1]
+            y = pose[1] + sin * walls[k, 0] + cos * walls[k, 1]
+            nearest, away = _nearest(other_walls, x, y)
+            if away < 2.0 * reach:
+                close[count, 0], close[count, 1] = walls[k, 0], walls[k, 1]
+                onto[count, 0], onto[count, 1] = other_walls[nearest, 0], other_walls[nearest, 1]
+                count += 1
+        if count < 3:
             break
-        pose, _ = rigid_fit(later.surface[close], earlier.surface[nearest[close]])
-    moved = transform_points(pose, later.surface)
-    found, missed = _agreement(tree, earlier.open_ground, moved, reach)
-    back = transform_points(inverse(pose), earlier.surface)
-    more, fewer = _agreement(KDTree(later.surface), later.open_ground, back, reach)
+        pose, _ = rigid_fit(close[:count], onto[:count])
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    back = np.empty(3)
+    back[0] = -cos * pose[0] - sin * pose[1]
+    back[1] = sin * pose[0] - cos * pose[1]
+    back[2] = -pose[2]
+    found, missed = _agreement(walls, other_walls, other_free, pose, reach)
+    more, fewer = _agreement(other_walls, walls, free, back, reach)
     known = found + more + missed + fewer
     return pose, (found + more) / max(known, 1), known
 
 
+@kernel()
 def _agreement(
-    walls: KDTree,
-    free: Float64[np.ndarray, "free 2"],
-    points: Float64[np.ndarray, "walls 2"],
-    reach: float,
+    points: np.ndarray, walls: np.ndarray, free: np.ndarray, pose: np.ndarray, reach: float
 ) -> tuple[int, int]:
-    """Return how many points on walls another map has as a wall, and how many as free ground."""
-    is_wall = walls.query(points)[0] < reach
-    others = points[~is_wall]
-    if not len(free) or not len(others):
-        return int(is_wall.sum()), 0
-    is_free = KDTree(free).query(others)[0] < _SPACING * math.sqrt(0.5)
-    return int(is_wall.sum()), int(is_free.sum())
+    """Return how many points on walls another map has as a wall, and how many as free ground.
+
+    Args:
+        points: The points (points, 2) (m).
+        walls: The other map's points on walls (points, 2) (m).
+        free: Its points on free ground (points, 2) (m).
+        pose: The pose of the points' frame in that of the other map.
+        reach: Largest distance of a point from the same wall (m).
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    found = missed = 0
+    for k in range(len(points)):
+        x = pose[0] + cos * points[k, 0] - sin * points[k, 1]
+        y = pose[1] + sin * points[k, 0] + cos * points[k, 1]
+        if _nearest(walls, x, y)[1] < reach:
+            found += 1
+        elif _nearest(free, x, y)[1] < _SPACING * math.sqrt(0.5):
+            missed += 1
+    return found, missed
+
+
+@kernel()
+def _nearest(points: np.ndarray, x: float, y: float) -> tuple[int, float]:
+    """Return the point nearest to x, y, and its distance (m); -1 and infinity without any.
+
+    Of the few points of a place all are looked at.
+    """
+    nearest, least = -1, np.inf
+    for k in range(len(points)):
+        across, up = points[k, 0] - x, points[k, 1] - y
+        away = across * across + up * up
+        if away < least:
+            nearest, least = k, away
+    return nearest, math.sqrt(least)
 
 
 class Visits(Stored):

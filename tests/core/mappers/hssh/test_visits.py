@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.mappers.hssh.config import HsshConfig, PlaceConfig
-from albot_core.mappers.hssh.visits import Visit, Visits
+from albot_core.mappers.hssh.visits import Visit, Visits, align, rigid_fit
 
 # The gateways of a room between (0, 0) and (4, 4): its two doors, east and west.
 DOORS = np.array(((4.0, 1.5, 4.0, 2.5), (0.0, 2.5, 0.0, 1.5)))
@@ -80,3 +83,42 @@ def test_the_odometer_errs_so_far_only(closes_loop):
     off = visit(50.0, offset=(3.6, 0.0))
     assert not judged(visit(), off, BOTH, closes_loop=closes_loop)
     assert judged(visit(), off, BOTH, closes_loop=closes_loop, drift=np.inf)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3.1, 3.1), st.integers(1, 30))
+def test_a_rigid_fit_finds_the_pose_back(x, y, turn, count):
+    points = np.random.default_rng(count).normal(size=(count + 1, 2))
+    true = np.array((x, y, turn))
+    pose, error = rigid_fit(points, transform_points(true, points))
+    np.testing.assert_allclose(pose, true, atol=1e-9)
+    assert error == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_rigid_fit_leaves_what_no_pose_removes():
+    # Two points 2 m apart onto two that are 4 m apart: 1 m is left at either end.
+    pose, error = rigid_fit(np.array(((-1.0, 0.0), (1.0, 0.0))), np.array(((0.0, 1), (0.0, 5))))
+    np.testing.assert_allclose(pose, (0.0, 3.0, np.pi / 2), atol=1e-9)
+    assert error == pytest.approx(1.0)
+
+
+def test_local_maps_are_laid_on_one_another_by_their_walls():
+    """The gateways are seen 5 cm off; the walls put it right."""
+    walls = np.concatenate((WALLS, WALLS[:, ::-1]))  # All four sides.
+    true = np.array((0.3, -0.2, 0.1))
+    later = visit(walls=transform_points(true, walls))
+    later = later._replace(gateways=transform_segments(true, DOORS) + 0.05)
+    found = align(later, visit(walls=walls), BOTH, 0.2)
+    np.testing.assert_allclose(transform_points(found.pose, later.surface), walls, atol=1e-6)
+    assert (found.overlap, found.evidence) == (1.0, 2 * len(walls))
+    assert found.error == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_wall_on_free_ground_contradicts_and_one_on_unknown_ground_does_not():
+    more = np.stack((np.full(6, 2.0), np.linspace(1.0, 3.0, 6)), axis=1)
+    later = visit(walls=np.concatenate((WALLS, more)))
+    blind = align(later, visit(), BOTH, 0.2)
+    assert (blind.overlap, blind.evidence) == (1.0, 2 * len(WALLS))
+    found = align(later, visit()._replace(open_ground=more[:4].copy()), BOTH, 0.2)
+    count = 2 * len(WALLS) + 4
+    assert (found.overlap, found.evidence) == (pytest.approx(1 - 4 / count), count)
