@@ -242,7 +242,7 @@ def _by_clearance(clearance: np.ndarray, kept: np.ndarray) -> np.ndarray:
 
 
 @kernel()
-def _is_steep(clearance: np.ndarray, row: int, column: int) -> bool:
+def _is_steep(clearance: np.ndarray, row: np.int64, column: np.int64) -> bool:
     """Return whether the clearance grows fast in some direction."""
     rows, columns = clearance.shape
     for i in range(max(row - _NEAR, 0), min(row + _NEAR + 1, rows)):

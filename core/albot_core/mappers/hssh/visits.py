@@ -353,12 +353,13 @@ class Visits(Stored):
         """
         places, last = self._config.places, len(self) - 1
         is_seen = self._stars[last].is_whole and self._stars[first].is_whole
-        least = 0 if is_seen or places.overlap == 0.0 else places.evidence
+        needs_more = places.overlap > 0.0 and not is_seen
+        least = places.evidence if needs_more else 0
         if not closes_loop:
             found = self.alignment(last, first, common)
             is_like = found.overlap >= min(places.overlap, _DIFFERS) and found.evidence >= least
             return is_like and self._drift(found.pose, first) <= 0.0
-        if least and len(common) < 2:
+        if needs_more and len(common) < 2:
             return False
         # The gateways first: laying the local maps on one another takes far longer.
         pose, error = rigid_fit(*_paired(self[last], self[first], common))
