@@ -198,7 +198,8 @@ def thinned(clearance: np.ndarray) -> np.ndarray:
     while left != size:
         size, left = left, 0
         for n in range(size):
-            k = order[n]
+            cell = order[n]
+            k = np.uint64(cell)  # numba looks for negative indices else.
             bits = (
                 flat[k + one]
                 | flat[k + more] << 1
@@ -211,11 +212,11 @@ def thinned(clearance: np.ndarray) -> np.ndarray:
             )
             is_removed = _SIMPLE[bits]
             if is_removed and _TIP[bits]:
-                is_removed = _is_steep(clearance, np.int64(k // up), np.int64(k % up))
+                is_removed = _is_steep(clearance, cell // columns, cell % columns)
             if is_removed:
                 flat[k] = False
             else:
-                order[left] = k
+                order[left] = cell
                 left += 1
     return kept
 
@@ -231,7 +232,7 @@ def _by_clearance(clearance: np.ndarray, kept: np.ndarray) -> np.ndarray:
                 starts[int(clearance[row, column] * _BINS) + 1] += 1
     for k in range(1, len(starts)):
         starts[k] += starts[k - 1]
-    order = np.empty(starts[-1], np.uint64)
+    order = np.empty(starts[-1], np.int64)
     for row in range(rows):
         for column in range(columns):
             if kept[row, column]:
@@ -242,7 +243,7 @@ def _by_clearance(clearance: np.ndarray, kept: np.ndarray) -> np.ndarray:
 
 
 @kernel()
-def _is_steep(clearance: np.ndarray, row: np.int64, column: np.int64) -> bool:
+def _is_steep(clearance: np.ndarray, row: int, column: int) -> bool:
     """Return whether the clearance grows fast in some direction."""
     rows, columns = clearance.shape
     for i in range(max(row - _NEAR, 0), min(row + _NEAR + 1, rows)):
