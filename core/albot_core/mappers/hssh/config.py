@@ -31,7 +31,14 @@ class PlaceConfig:
     """Smallest share of the points on walls that must be found again, of those of which the other
     visit saw anything: the paper's match of the local maps. 0 matches the stars alone."""
     around: float = 3.0
-    """Largest distance of these points from the middle of the place (m)."""
+    """Largest distance of these points from the middle of the place (m). Where the nearest wall is
+    farther than that, less `beside`, they lie up to `beside` behind it."""
+    beside: float = 1.0
+    """How far the points reach behind the nearest wall of a wide place (m)."""
+    evidence: int = 40
+    """Smallest number of points on walls of which the other visit saw anything, of both visits
+    together: with fewer, places that were not seen whole are not taken for the same. Their stars
+    tell little."""
     points: int = 120
     """Largest number of points on walls that are kept of a visit."""
     drift: float = 0.05
@@ -45,8 +52,8 @@ class PlaceConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "search", "near", "gateway_error", "surface_error", "claim")
-        check_fields(self, NOT_NEGATIVE, "beyond", "around")
-        check_fields(self, COUNT, "points")
+        check_fields(self, NOT_NEGATIVE, "beyond", "around", "beside")
+        check_fields(self, COUNT, "points", "evidence")
         check_fields(self, SHARE, "overlap")
         check_fields(self, _LIMIT, "drift")
 
@@ -59,8 +66,9 @@ class HsshConfig:
     """Matching of a scan with the latest ones: localisation in the local perceptual map."""
     grid: GridConfig = field(default_factory=lambda: GridConfig(cell=0.05, reach=8.0))
     """The cells of the local perceptual map."""
-    half: float = 8.0
-    """Half the side of the square around the robot that the local perceptual map covers (m)."""
+    half: float = 6.0
+    """Half the side of the square around the robot in which gateways are searched (m). The local
+    perceptual map reaches as far as the beams, if that is farther."""
     gateways: GatewayConfig = field(default_factory=GatewayConfig)
     """What counts as a gateway."""
     places: PlaceConfig = field(default_factory=PlaceConfig)

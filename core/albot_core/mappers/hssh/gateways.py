@@ -283,29 +283,45 @@ def line_across(
     They are row and column of the nearest wall, and of the nearest on the other side of the cell
     (more than 120° apart). Unless both are walls that were seen, all are -1.
     """
-    rows, columns = states.shape
     reach = int(2.0 * clearance[row, column]) + 3
-    nearest, i1, j1 = np.inf, -1, -1
-    for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
-        for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
-            away = (i - row) ** 2 + (j - column) ** 2
-            if states[i, j] != FREE and away < nearest:
-                nearest, i1, j1 = away, i, j
+    i1, j1 = _nearest_wall(states, row, column, reach, (0, 0))
     if i1 < 0:
         return -1, -1, -1, -1
-    up, across = i1 - row, j1 - column
-    length = math.sqrt(up * up + across * across)
-    second, i2, j2 = np.inf, -1, -1
-    for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
-        for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
-            away = (i - row) ** 2 + (j - column) ** 2
-            if states[i, j] == FREE or away >= second:
-                continue
-            if (i - row) * up + (j - column) * across < -0.5 * length * math.sqrt(away):
-                second, i2, j2 = away, i, j
+    i2, j2 = _nearest_wall(states, row, column, reach, (i1 - row, j1 - column))
     if i2 < 0 or not _is_seen(states, i1, j1) or not _is_seen(states, i2, j2):
         return -1, -1, -1, -1
     return i1, j1, i2, j2
+
+
+@kernel()
+def _nearest_wall(
+    states: np.ndarray, row: int, column: int, reach: int, opposite: tuple[int, int]
+) -> tuple[int, int]:
+    """Return row and column of the nearest cell that is not free; -1 if there is none.
+
+    Args:
+        states: State of each cell (rows, columns).
+        row: The row of the cell from which it is nearest.
+        column: Its column.
+        reach: Largest difference of rows and columns.
+        opposite: Rows and columns to a wall from which it must lie more than 120° apart; 0, 0 for
+            none.
+    """
+    rows, columns = states.shape
+    up, across = opposite
+    half = 0.5 * math.sqrt(up * up + across * across)
+    is_any = up == across == 0
+    nearest, found, at = 2 * reach * reach + 1, -1, -1
+    for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
+        if (i - row) * (i - row) >= nearest:
+            continue
+        for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
+            away = (i - row) * (i - row) + (j - column) * (j - column)
+            if states[i, j] == FREE or away >= nearest:
+                continue
+            if is_any or (i - row) * up + (j - column) * across < -half * math.sqrt(away):
+                nearest, found, at = away, i, j
+    return found, at
 
 
 @kernel()
@@ -403,49 +419,79 @@ def region_around(
     column, row = np.floor((robot - ground.corner) / ground.cell).astype(int).tolist()
     if not (0 <= row < rows and 0 <= column < columns):
         return None
-    labels = (ground.states == FREE).astype(np.int32)
-    labels[ground.states == UNKNOWN] = _UNSEEN
+    labels = _labels_of(ground.states)
     ends = np.floor((narrows.gateways.reshape(-1, 2, 2) - ground.corner) / ground.cell)
     draw_lines(labels, ends.astype(np.int64))
     if labels[row, column] != 1:
         return None
     chosen, unknown = surround(labels, row, column, narrowest / ground.cell)
-    inside = labels == _INSIDE
-    heights = np.where(inside, narrows.clearance, 0.0)
-    best = np.unravel_index(int(heights.argmax()), heights.shape)
+    best = _most_open(labels, narrows.clearance)
     lines = narrows.gateways[chosen]
-    peak = ground.centres(np.array([best], np.int64))[0]
-    normals = np.stack((lines[:, 1] - lines[:, 3], lines[:, 2] - lines[:, 0]), axis=1)
-    middles = (lines[:, :2] + lines[:, 2:]) / 2
-    turned = ~_lies_beside(labels, ground, middles, normals)
-    lines[turned] = lines[turned][:, (2, 3, 0, 1)]
+    _turn_to_region(labels, lines, ground.corner, ground.cell)
     return Region(
         gateways=lines,
         unknown=tuple(sorted(set((unknown % max(len(chosen), 1)).tolist()))),
-        inside=inside,
-        peak=peak,
-        clearance=float(heights[best]) * ground.cell,
+        inside=labels == _INSIDE,
+        peak=ground.centres(np.array([best], np.int64))[0],
+        clearance=float(narrows.clearance[best]) * ground.cell,
     )
 
 
-def _lies_beside(
-    labels: Int32[np.ndarray, "rows columns"], ground: Ground, middles: Points, normals: Points
-) -> Bool[np.ndarray, "gateways"]:
-    """Return whether the region lies on the side of the normals of gateways."""
-    lengths = np.maximum(np.hypot(*normals.T), 1e-9)[:, None]
-    sides = []
-    for sign in (1.0, -1.0):
-        count = np.zeros(len(middles), np.int64)
-        for step in (1.5, 2.5, 3.5):
-            at = middles + sign * step * ground.cell * normals / lengths
-            at = np.floor((at - ground.corner) / ground.cell).astype(np.int64)
-            at = np.clip(at, 0, np.array(labels.shape[::-1]) - 1)
-            count += labels[at[:, 1], at[:, 0]] == _INSIDE
-        sides.append(count)
-    return np.asarray(sides[0] >= sides[1])
-
-
 _INSIDE, _UNSEEN = 2, 3
+
+
+@kernel(arrays=True)
+def _labels_of(states: np.ndarray) -> np.ndarray:
+    """Return the label of each cell: 1 for free, 0 for walls, `_UNSEEN` for unknown ones."""
+    labels = np.empty(states.shape, np.int32)
+    for i in range(states.shape[0]):
+        for j in range(states.shape[1]):
+            is_unseen = states[i, j] == UNKNOWN
+            labels[i, j] = _UNSEEN if is_unseen else states[i, j] == FREE
+    return labels
+
+
+@kernel()
+def _most_open(labels: np.ndarray, clearance: np.ndarray) -> tuple[int, int]:
+    """Return row and column of the region's cell with the largest clearance.
+
+    Args:
+        labels: `_INSIDE` for the region's cells (rows, columns).
+        clearance: Distance of each cell to the nearest wall (cells).
+    """
+    most, row, column = np.float32(-1.0), 0, 0
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            if clearance[i, j] > most and labels[i, j] == _INSIDE:
+                most, row, column = clearance[i, j], i, j
+    return row, column
+
+
+@kernel()
+def _turn_to_region(labels: np.ndarray, lines: np.ndarray, corner: np.ndarray, cell: float) -> None:
+    """Turn the gateways that do not have the region to their left.
+
+    Args:
+        labels: `_INSIDE` for the region's cells (rows, columns).
+        lines: The gateways, changed in place (gateways, 4) (m).
+        corner: x, y of the outer corner of the first cell (m).
+        cell: Side of a cell (m).
+    """
+    rows, columns = labels.shape
+    for k in range(len(lines)):
+        across, up = lines[k, 2] - lines[k, 0], lines[k, 3] - lines[k, 1]
+        length = max(math.sqrt(across * across + up * up), 1e-9)
+        balance = 0  # Cells of the region to the left less those to the right.
+        for step in (-3.5, -2.5, -1.5, 1.5, 2.5, 3.5):
+            x = 0.5 * (lines[k, 0] + lines[k, 2]) - step * cell * up / length
+            y = 0.5 * (lines[k, 1] + lines[k, 3]) + step * cell * across / length
+            j = min(max(math.floor((x - corner[0]) / cell), 0), columns - 1)
+            i = min(max(math.floor((y - corner[1]) / cell), 0), rows - 1)
+            if labels[i, j] == _INSIDE:
+                balance += 1 if step > 0.0 else -1
+        if balance < 0:
+            for n in range(2):
+                lines[k, n], lines[k, n + 2] = lines[k, n + 2], lines[k, n]
 
 
 @kernel()
@@ -483,7 +529,8 @@ def surround(
         The gateways with other free ground behind, from the south on; and for each unseen part of
         the border the number of gateways before it.
     """
-    sides, count = _border(labels, *_fill(labels, row, column))
+    low_row, low_column, most = _fill(labels, row, column)
+    sides, count = _border(labels, low_row, low_column, most)
     leads = _leading(labels)
     order, found = np.empty(len(leads), np.int64), 0
     unknown, parts = np.empty(count, np.int64), 0
@@ -514,13 +561,14 @@ def surround(
 
 
 @kernel(arrays=True)
-def _border(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int]:
+def _border(labels: np.ndarray, row: int, column: int, most: int) -> tuple[np.ndarray, int]:
     """Return the sides of cells along the region's border, and their number.
 
     Each is row and column of the cell, and the label to its right. The region lies to the left. The
-    southern side of its lowest cell comes first, eastwards.
+    southern side of its lowest cell, in `row` and `column`, comes first, eastwards. There are at
+    most `most`.
     """
-    sides = np.empty((4 * labels.size, 3), np.int64)
+    sides = np.empty((most, 3), np.int64)
     # `turn` counts quarter turns from the east.
     i, j, turn, count = row, column, 0, 0
     while count < len(sides):
@@ -541,12 +589,17 @@ def _border(labels: np.ndarray, row: int, column: int) -> tuple[np.ndarray, int]
 
 
 @kernel(arrays=True)
-def _fill(labels: np.ndarray, row: int, column: int) -> tuple[int, int]:
-    """Mark the region around a cell; return row and column of the first cell of its lowest row."""
+def _fill(labels: np.ndarray, row: int, column: int) -> tuple[int, int, int]:
+    """Mark the region around a cell.
+
+    Returns:
+        Row and column of the first cell of its lowest row, and the number of sides of cells along
+        its borders.
+    """
     stack = np.empty((labels.size, 2), np.int32)
     labels[row, column] = _INSIDE
     stack[0, 0], stack[0, 1] = row, column
-    size, low_row, low_column = 1, row, column
+    size, low_row, low_column, sides = 1, row, column, 0
     while size:
         size -= 1
         i, j = stack[size, 0], stack[size, 1]
@@ -558,7 +611,9 @@ def _fill(labels: np.ndarray, row: int, column: int) -> tuple[int, int]:
                 labels[a, b] = _INSIDE
                 stack[size, 0], stack[size, 1] = a, b
                 size += 1
-    return low_row, low_column
+            elif labels[a, b] != _INSIDE:
+                sides += 1
+    return low_row, low_column, sides
 
 
 @kernel(arrays=True)

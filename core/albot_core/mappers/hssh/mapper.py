@@ -314,13 +314,14 @@ class Hssh(StoredMapper):
         """Note what is known of the present place, and what the tree makes of it."""
         self._misses = 0
         number, places = len(self._visits) - 1, self.config.places
+        around = max(places.around, region.clearance + places.beside)
         visit = self._visits[number]._replace(
             arrived=arrived,
             middle=region.peak,
             gateways=region.gateways,
             unknown=region.unknown,
-            surface=surface_of(ground, region.peak, places.around, places.points),
-            open_ground=open_ground_of(ground, region.peak, places.around),
+            surface=surface_of(ground, region.peak, around, places.points),
+            open_ground=open_ground_of(ground, region.peak, around),
         )
         self._visits.amend(visit)
         self._preview()

@@ -11,7 +11,13 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.hssh.gateways import FREE, WALL, Ground
 from albot_core.mappers.schema import Schema
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
-from albot_core.mappers.slam.tiles import NONE, release_tiles, tiles_around
+from albot_core.mappers.slam.tiles import (
+    NONE,
+    PoolArrays,
+    log_odds_at,
+    release_tiles,
+    tiles_around,
+)
 from albot_core.mappers.stored import Stored
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.sensing.reading import LaserScan
@@ -64,13 +70,11 @@ class LocalPerceptualMap(Stored):
             pose: The robot's pose.
             island: Largest extent of what stands alone on free ground and counts as free (m).
         """
-        cells, corner = self.grid.log_odds()
-        cell = self.grid.config.cell
-        low = np.floor((pose[:2] - self._half - corner) / cell).astype(int)
-        high = np.ceil((pose[:2] + self._half - corner) / cell).astype(int)
-        low, high = np.maximum(low, 0), np.maximum(high, 0)
-        part = cells[low[1] : high[1], low[0] : high[0]]
-        return Ground(states_of(part, int(island / cell)), corner + (low - 1) * cell, cell)
+        grid, cell = self.grid, self.grid.config.cell
+        low = np.floor((pose[:2] - self._half) / cell).astype(np.int64)
+        high = np.ceil((pose[:2] + self._half) / cell).astype(np.int64)
+        belief = _belief_within(grid.pool.arrays, grid.index, grid.corner, low, high)
+        return Ground(states_of(belief, int(island / cell)), (low - 1) * cell, cell)
 
     def layer(self, frame: Pose) -> OccupancyGridLayer:
         """Return the map as a layer, given the pose of the odometry's frame in the map's."""
@@ -80,6 +84,26 @@ class LocalPerceptualMap(Stored):
             resolution=layer.resolution,
             occupancy=layer.occupancy,
         )
+
+
+@kernel(arrays=True)
+def _belief_within(
+    pool: PoolArrays, index: np.ndarray, corner: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Return the log odds of the cells of a rectangle, 0 where nothing is known (rows, columns).
+
+    Args:
+        pool: The tiles.
+        index: The tile at each place (rows, columns).
+        corner: Row and column of the index's first tile.
+        low: Column and row of the first cell.
+        high: The ends of the columns and rows.
+    """
+    belief = np.empty((high[1] - low[1], high[0] - low[0]), np.float32)
+    for i in range(belief.shape[0]):
+        for j in range(belief.shape[1]):
+            belief[i, j] = log_odds_at(pool, index, corner, low[1] + i, low[0] + j)
+    return belief
 
 
 @kernel(arrays=True)
@@ -101,42 +125,72 @@ def states_of(
                 states[i + 1, j + 1] = WALL
             elif belief[i, j] < 0.0:
                 states[i + 1, j + 1] = FREE
-    stack = np.empty((states.size, 2), np.int32)
-    is_seen = states == FREE
-    _gather(states, is_seen, stack, 0, 0)  # What hangs together with the border.
-    for i in range(rows + 2):
-        for j in range(columns + 2):
-            if not is_seen[i, j]:
-                count, height, width = _gather(states, is_seen, stack, i, j)
-                if height <= island and width <= island:
-                    for k in range(count):
-                        states[stack[k, 0], stack[k, 1]] = FREE
+    _free_islands(states, island)
     return states
 
 
-@kernel()
-def _gather(
-    states: np.ndarray, is_seen: np.ndarray, stack: np.ndarray, row: int, column: int
-) -> tuple[int, int, int]:
-    """Gather the cells that hang together with one and are not free.
+@kernel(arrays=True)
+def _free_islands(states: np.ndarray, island: int) -> None:
+    """Make the small pieces free that hang together, are not free and do not touch the border.
 
-    Returns:
-        Their number on the stack, and the height and width of the box around them (cells).
+    The pieces are found by the runs of cells in each row (union-find; A. Rosenfeld and J. Pfaltz,
+    Sequential operations in digital picture processing, JACM 1966). Cells hang together by their
+    corners, too.
+
+    Args:
+        states: State of each cell, changed in place.
+        island: Largest height and width (cells).
     """
     rows, columns = states.shape
-    stack[0, 0], stack[0, 1] = row, column
-    is_seen[row, column] = True
-    low_i, high_i, low_j, high_j = row, row, column, column
-    done, count = 0, 1
-    while done < count:
-        i, j = stack[done, 0], stack[done, 1]
-        done += 1
-        low_i, high_i = min(low_i, i), max(high_i, i)
-        low_j, high_j = min(low_j, j), max(high_j, j)
-        for a in range(max(i - 1, 0), min(i + 2, rows)):
-            for b in range(max(j - 1, 0), min(j + 2, columns)):
-                if not is_seen[a, b]:
-                    is_seen[a, b] = True
-                    stack[count, 0], stack[count, 1] = a, b
-                    count += 1
-    return count, high_i - low_i + 1, high_j - low_j + 1
+    most = rows * (columns // 2 + 1)
+    runs = np.empty((most, 3), np.int32)  # The row, the first column, and the end.
+    boxes = np.empty((most, 4), np.int32)  # Of the run's piece: the first and last row and column.
+    root = np.empty(most, np.int32)
+    count = above = begun = 0  # `above`: the first run of the row above that may touch.
+    for i in range(rows):
+        above, begun = begun, count
+        last, j = begun, 0
+        while j < columns:
+            if states[i, j] == FREE:
+                j += 1
+                continue
+            start = j
+            while j < columns and states[i, j] != FREE:
+                j += 1
+            runs[count, 0], runs[count, 1], runs[count, 2] = i, start, j
+            boxes[count, 0], boxes[count, 1] = i, i
+            boxes[count, 2], boxes[count, 3] = start, j - 1
+            root[count] = count
+            while above < last and runs[above, 2] < start:
+                above += 1
+            k = above
+            while k < last and runs[k, 1] <= j:
+                _join(root, boxes, k, count)
+                k += 1
+            count += 1
+    for n in range(count):
+        k = _root(root, n)
+        first, last, left, right = boxes[k]
+        if k != 0 and last - first < island and right - left < island:
+            states[runs[n, 0], runs[n, 1] : runs[n, 2]] = FREE
+
+
+@kernel()
+def _root(root: np.ndarray, run: int) -> int:
+    """Return the run that stands for a run's piece."""
+    while root[run] != run:
+        root[run] = root[root[run]]
+        run = root[run]
+    return run
+
+
+@kernel()
+def _join(root: np.ndarray, boxes: np.ndarray, one: int, other: int) -> None:
+    """Join the pieces of two runs; the earlier run stands for both."""
+    one, other = _root(root, one), _root(root, other)
+    first, second = min(one, other), max(one, other)
+    root[second] = first
+    boxes[first, 0] = min(boxes[first, 0], boxes[second, 0])
+    boxes[first, 1] = max(boxes[first, 1], boxes[second, 1])
+    boxes[first, 2] = min(boxes[first, 2], boxes[second, 2])
+    boxes[first, 3] = max(boxes[first, 3], boxes[second, 3])

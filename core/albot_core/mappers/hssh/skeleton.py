@@ -107,38 +107,77 @@ def distances(free: Bool[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "ro
     Computing 2012. Without any such cell the distances are those to beyond the grid.
     """
     rows, columns = free.shape
-    far = rows + columns
-    away = np.empty(free.shape)
-    for j in range(columns):
-        last = -far
-        for i in range(rows):
-            last = last if free[i, j] else i
-            away[i, j] = min(i - last, far)
-        last = rows + far
-        for i in range(rows - 1, -1, -1):
-            last = last if free[i, j] else i
-            away[i, j] = min(away[i, j], last - i)
-    found = np.empty(free.shape, np.float32)
+    away = _within_columns(free)
+    found = np.zeros(free.shape, np.float32)
     at, bounds = np.empty(columns, np.int64), np.empty(columns + 1)
     for i in range(rows):
-        count = 0  # The parabolas of the lower envelope; `bounds[k]` is where the k-th begins.
-        at[0], bounds[0], bounds[1] = 0, -np.inf, np.inf
-        for j in range(1, columns):
-            while True:
-                k = at[count]
-                rise = away[i, j] ** 2 + j * j - away[i, k] ** 2 - k * k
-                cut = rise / (2.0 * (j - k))
-                if cut > bounds[count]:
-                    break
-                count -= 1
-            count += 1
-            at[count], bounds[count], bounds[count + 1] = j, cut, np.inf
-        count = 0
-        for j in range(columns):
-            while bounds[count + 1] < j:
-                count += 1
-            found[i, j] = math.sqrt((j - at[count]) ** 2 + away[i, at[count]] ** 2)
+        stop = 0
+        while stop < columns:
+            # A run of free cells and the cells at its ends: nothing beyond those is nearer.
+            start = stop
+            while start < columns and not free[i, start]:
+                start += 1
+            stop = start
+            while stop < columns and free[i, stop]:
+                stop += 1
+            if start < stop:
+                first, last = max(start - 1, 0), min(stop + 1, columns)
+                _nearest_in_row(away[i], first, last, at, bounds, found[i])
     return found
+
+
+@kernel(arrays=True)
+def _within_columns(free: np.ndarray) -> np.ndarray:
+    """Return the distance of each cell to the nearest one in its column that is not free (cells).
+
+    It goes row by row, as the cells lie in memory.
+    """
+    rows, columns = free.shape
+    far = rows + columns
+    away = np.empty(free.shape, np.int32)
+    for j in range(columns):
+        away[0, j] = far if free[0, j] else 0
+    for i in range(1, rows):
+        for j in range(columns):
+            away[i, j] = min(away[i - 1, j] + 1, far) if free[i, j] else 0
+    for i in range(rows - 2, -1, -1):
+        for j in range(columns):
+            away[i, j] = min(away[i, j], away[i + 1, j] + 1)
+    return away
+
+
+@kernel()
+def _nearest_in_row(
+    away: np.ndarray, start: int, stop: int, at: np.ndarray, bounds: np.ndarray, found: np.ndarray
+) -> None:
+    """Find the distances of some cells of a row by the lower envelope of their parabolas.
+
+    Args:
+        away: Distance of each cell of the row to the nearest one in its column (cells).
+        start: The first of the cells.
+        stop: The end of the cells.
+        at: Scratch buffer: the parabolas of the envelope (columns,).
+        bounds: Scratch buffer: where each of them begins (columns + 1,).
+        found: Output: the distances (columns,).
+    """
+    count = 0
+    at[0], bounds[0], bounds[1] = start, -np.inf, np.inf
+    for j in range(start + 1, stop):
+        height = away[j] * away[j] + j * j
+        while True:
+            k = at[count]
+            cut = (height - away[k] * away[k] - k * k) / (2.0 * (j - k))
+            if cut > bounds[count]:
+                break
+            count -= 1
+        count += 1
+        at[count], bounds[count], bounds[count + 1] = j, cut, np.inf
+    count = 0
+    for j in range(start, stop):
+        while bounds[count + 1] < j:
+            count += 1
+        k = at[count]
+        found[j] = math.sqrt((j - k) * (j - k) + away[k] * away[k])
 
 
 @kernel(arrays=True)
@@ -149,24 +188,36 @@ def thinned(clearance: np.ndarray) -> np.ndarray:
     kept[0, :] = kept[-1, :] = False
     kept[:, 0] = kept[:, -1] = False
     order = _by_clearance(clearance, kept)
+    flat = kept.reshape(-1)
+    # The neighbours from the east counter-clockwise, as `_ROWS` and `_COLUMNS` count them.
+    up = np.uint64(columns)
+    one, more = np.uint64(1), np.uint64(columns + 1)
+    less = np.uint64(columns - 1)
     # A cell that had to stay may be removed after the cells behind it, so passes are repeated.
-    removed = 1
-    while removed:
-        removed = 0
-        for k in order:
-            row, column = k // columns, k % columns
-            if not kept[row, column]:
-                continue
-            bits = 0
-            for n in range(8):
-                if kept[row + _ROWS[n], column + _COLUMNS[n]]:
-                    bits |= 1 << n
-            if not _SIMPLE[bits]:
-                continue
-            if _TIP[bits] and not _is_steep(clearance, row, column):
-                continue
-            kept[row, column] = False
-            removed += 1
+    size, left = -1, len(order)
+    while left != size:
+        size, left = left, 0
+        for n in range(size):
+            cell = order[n]
+            k = np.uint64(cell)  # numba looks for negative indices else.
+            bits = (
+                flat[k + one]
+                | flat[k + more] << 1
+                | flat[k + up] << 2
+                | flat[k + less] << 3
+                | flat[k - one] << 4
+                | flat[k - more] << 5
+                | flat[k - up] << 6
+                | flat[k - less] << 7
+            )
+            is_removed = _SIMPLE[bits]
+            if is_removed and _TIP[bits]:
+                is_removed = _is_steep(clearance, cell // columns, cell % columns)
+            if is_removed:
+                flat[k] = False
+            else:
+                order[left] = cell
+                left += 1
     return kept
 
 
@@ -213,31 +264,30 @@ def trace_branches(
 
     Nodes are cells with one neighbour or with more than two. Neighbouring nodes make no branch.
     """
-    rows, columns = kept.shape
-    total = kept.sum()
+    listed = np.argwhere(kept[1:-1, 1:-1]) + 1
+    total = len(listed)
     cells = np.empty((4 * total + 8, 2), np.int32)
     ends, nodes = np.empty(2 * total + 2, np.int64), np.zeros((2 * total + 2, 2), np.int32)
     degree = np.zeros(kept.shape, np.int32)
-    for row in range(1, rows - 1):
-        for column in range(1, columns - 1):
-            if kept[row, column]:
-                degree[row, column] = _degree(kept, row, column)
+    for n in range(total):
+        row, column = listed[n]
+        degree[row, column] = _degree(kept, row, column)
     used = np.zeros(kept.shape, np.bool_)
     count = branches = 0
     for kind in range(3):  # From nodes; round the rings that are left; and cells alone.
-        for row in range(1, rows - 1):
-            for column in range(1, columns - 1):
-                if not kept[row, column] or _kind(degree[row, column]) != kind:
-                    continue
-                if kind == 2:
-                    cells[count, 0], cells[count, 1] = row, column
-                    count += 1
-                    ends[branches] = count
-                    branches += 1
-                    continue
-                count, branches = _leave(
-                    kept, degree, used, cells, ends, nodes, count, branches, row, column
-                )
+        for n in range(total):
+            row, column = listed[n]
+            if _kind(degree[row, column]) != kind:
+                continue
+            if kind == 2:
+                cells[count, 0], cells[count, 1] = row, column
+                count += 1
+                ends[branches] = count
+                branches += 1
+                continue
+            count, branches = _leave(
+                kept, degree, used, cells, ends, nodes, count, branches, row, column
+            )
     return cells, ends, nodes, count, branches
 
 

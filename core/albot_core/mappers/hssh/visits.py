@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.spatial import KDTree
 
-from albot_core.geometry.poses import compose, inverse, transform_points, transform_segments
+from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.gateways import FREE, WALL, Ground, continuations
 from albot_core.mappers.hssh.map_tree import Common, TopologicalMap, Travel
@@ -69,7 +69,9 @@ class Alignment(NamedTuple):
     """Root mean square distance of the gateways' ends (m)."""
     overlap: float
     """Share of the points on walls that are found again, of those that the other map knows: where
-    it has neither a wall nor free ground, nothing was seen."""
+    it has neither a wall nor free ground, nothing was seen. 1 if there are none."""
+    evidence: int
+    """Number of the points on walls that the other map knows, of both maps."""
 
 
 def surface_of(
@@ -106,22 +108,37 @@ def open_ground_of(
     return np.asarray(points[inside], np.float64)
 
 
+@kernel(arrays=True)
 def rigid_fit(points: Points, onto: Points) -> tuple[Pose, float]:
     """Return the pose that moves points onto others, and the root mean square distance left (m).
 
     K. Arun, T. Huang and S. Blostein, Least-squares fitting of two 3-D point sets, PAMI 1987, in
     the plane.
     """
-    middle, target = points.mean(axis=0), onto.mean(axis=0)
-    one, other = points - middle, onto - target
-    sine = float(np.sum(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
-    turn = math.atan2(sine, float(np.sum(one * other)))
+    count = len(points)
+    middle, target = np.zeros(2), np.zeros(2)
+    for k in range(count):
+        for axis in range(2):
+            middle[axis] += points[k, axis] / count
+            target[axis] += onto[k, axis] / count
+    sine = cosine = 0.0
+    for k in range(count):
+        x, y = points[k, 0] - middle[0], points[k, 1] - middle[1]
+        right, up = onto[k, 0] - target[0], onto[k, 1] - target[1]
+        sine += x * up - y * right
+        cosine += x * right + y * up
+    turn = math.atan2(sine, cosine)
     cos, sin = math.cos(turn), math.sin(turn)
-    x = target[0] - cos * middle[0] + sin * middle[1]
-    y = target[1] - sin * middle[0] - cos * middle[1]
-    pose = np.array((x, y, turn))
-    left = transform_points(pose, points) - onto
-    return pose, float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
+    left = 0.0
+    for k in range(count):
+        x, y = points[k, 0] - middle[0], points[k, 1] - middle[1]
+        right, up = onto[k, 0] - target[0], onto[k, 1] - target[1]
+        left += (cos * x - sin * y - right) ** 2 + (sin * x + cos * y - up) ** 2
+    pose = np.empty(3)
+    pose[0] = target[0] - cos * middle[0] + sin * middle[1]
+    pose[1] = target[1] - sin * middle[0] - cos * middle[1]
+    pose[2] = turn
+    return pose, math.sqrt(left / count)
 
 
 def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignment:
@@ -139,10 +156,11 @@ def align(later: Visit, earlier: Visit, common: Common, reach: float) -> Alignme
     if error > reach:  # Some gateways lie elsewhere in the place than on the other visit.
         starts += [rigid_fit(lines[k : k + 2], onto[k : k + 2])[0] for k in range(0, len(lines), 2)]
     if not len(later.surface) or not len(earlier.surface):
-        return Alignment(pose, error, 1.0)
-    found = [_laid_on(later, earlier, start, reach) for start in starts]
-    pose, overlap = max(found, key=lambda each: each[1])
-    return Alignment(pose, error, overlap)
+        return Alignment(pose, error, 1.0, 0)
+    maps = later.surface, later.open_ground, earlier.surface, earlier.open_ground
+    found = [_laid_on(*maps, start, reach) for start in starts]
+    pose, overlap, evidence = max(found, key=lambda each: each[1])
+    return Alignment(pose, error, overlap, evidence)
 
 
 def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Points]:
@@ -153,36 +171,91 @@ def _paired(later: Visit, earlier: Visit, common: Common) -> tuple[Points, Point
     return later.gateways[ours].reshape(-1, 2), earlier.gateways[theirs].reshape(-1, 2)
 
 
-def _laid_on(later: Visit, earlier: Visit, pose: Pose, reach: float) -> tuple[Pose, float]:
-    """Return the pose and overlap of local maps, by the points on walls near one another."""
-    tree = KDTree(earlier.surface)
-    for _ in range(_STEPS):
-        moved = transform_points(pose, later.surface)
-        away, nearest = tree.query(moved)
-        close = away < 2.0 * reach
-        if close.sum() < 3:
-            break
-        pose, _ = rigid_fit(later.surface[close], earlier.surface[nearest[close]])
-    moved = transform_points(pose, later.surface)
-    found, missed = _agreement(tree, earlier.open_ground, moved, reach)
-    back = transform_points(inverse(pose), earlier.surface)
-    more, fewer = _agreement(KDTree(later.surface), later.open_ground, back, reach)
-    return pose, (found + more) / max(found + more + missed + fewer, 1)
-
-
-def _agreement(
-    walls: KDTree,
-    free: Float64[np.ndarray, "free 2"],
-    points: Float64[np.ndarray, "walls 2"],
+@kernel(arrays=True)
+def _laid_on(
+    walls: np.ndarray,
+    free: np.ndarray,
+    other_walls: np.ndarray,
+    other_free: np.ndarray,
+    pose: np.ndarray,
     reach: float,
+) -> tuple[np.ndarray, float, int]:
+    """Return pose, overlap and evidence of local maps, by the points on walls near one another.
+
+    P. Besl and N. McKay, A method for registration of 3-D shapes, PAMI 1992 (ICP).
+
+    Args:
+        walls: Points on the walls of the later visit (points, 2) (m).
+        free: Points on its free ground (points, 2) (m).
+        other_walls: Those of the earlier visit.
+        other_free: Those of the earlier visit.
+        pose: The pose of the later visit's frame in the other one to begin with.
+        reach: Largest distance of a point from the same wall (m).
+    """
+    close, onto = np.empty_like(walls), np.empty_like(walls)
+    for _ in range(_STEPS):
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        count = 0
+        for k in range(len(walls)):
+            x = pose[0] + cos * walls[k, 0] - sin * walls[k, 1]
+            y = pose[1] + sin * walls[k, 0] + cos * walls[k, 1]
+            nearest, away = _nearest(other_walls, x, y)
+            if away < 2.0 * reach:
+                close[count, 0], close[count, 1] = walls[k, 0], walls[k, 1]
+                onto[count, 0], onto[count, 1] = other_walls[nearest, 0], other_walls[nearest, 1]
+                count += 1
+        if count < 3:
+            break
+        pose, _ = rigid_fit(close[:count], onto[:count])
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    back = np.empty(3)
+    back[0] = -cos * pose[0] - sin * pose[1]
+    back[1] = sin * pose[0] - cos * pose[1]
+    back[2] = -pose[2]
+    found, missed = _agreement(walls, other_walls, other_free, pose, reach)
+    more, fewer = _agreement(other_walls, walls, free, back, reach)
+    known = found + more + missed + fewer
+    return pose, (found + more) / max(known, 1), known
+
+
+@kernel()
+def _agreement(
+    points: np.ndarray, walls: np.ndarray, free: np.ndarray, pose: np.ndarray, reach: float
 ) -> tuple[int, int]:
-    """Return how many points on walls another map has as a wall, and how many as free ground."""
-    is_wall = walls.query(points)[0] < reach
-    others = points[~is_wall]
-    if not len(free) or not len(others):
-        return int(is_wall.sum()), 0
-    is_free = KDTree(free).query(others)[0] < _SPACING * math.sqrt(0.5)
-    return int(is_wall.sum()), int(is_free.sum())
+    """Return how many points on walls another map has as a wall, and how many as free ground.
+
+    Args:
+        points: The points (points, 2) (m).
+        walls: The other map's points on walls (points, 2) (m).
+        free: Its points on free ground (points, 2) (m).
+        pose: The pose of the points' frame in that of the other map.
+        reach: Largest distance of a point from the same wall (m).
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    found = missed = 0
+    for k in range(len(points)):
+        x = pose[0] + cos * points[k, 0] - sin * points[k, 1]
+        y = pose[1] + sin * points[k, 0] + cos * points[k, 1]
+        if _nearest(walls, x, y)[1] < reach:
+            found += 1
+        elif _nearest(free, x, y)[1] < _SPACING * math.sqrt(0.5):
+            missed += 1
+    return found, missed
+
+
+@kernel()
+def _nearest(points: np.ndarray, x: float, y: float) -> tuple[int, float]:
+    """Return the point nearest to x, y, and its distance (m); -1 and infinity without any.
+
+    Of the few points of a place all are looked at.
+    """
+    nearest, least = -1, np.inf
+    for k in range(len(points)):
+        across, up = points[k, 0] - x, points[k, 1] - y
+        away = across * across + up * up
+        if away < least:
+            nearest, least = k, away
+    return nearest, math.sqrt(least)
 
 
 class Visits(Stored):
@@ -274,22 +347,27 @@ class Visits(Stored):
         """Return whether the last visit can be to the place that was first visited at `first`.
 
         Between places that were not seen whole, one common gateway is too little evidence to close
-        a loop (ours). Where no loop is closed, only local maps that differ widely tell that it
-        cannot: a gateway was taken for another one (ours).
+        a loop, and so is a small common part of the local maps (ours). Where no loop is closed,
+        only local maps that differ widely, or lie too far from one another, tell that it cannot: a
+        gateway was taken for another one, or a place was passed without being perceived (ours).
         """
         places, last = self._config.places, len(self) - 1
+        is_seen = self._stars[last].is_whole and self._stars[first].is_whole
+        needs_more = places.overlap > 0.0 and not is_seen
+        least = places.evidence if needs_more else 0
         if not closes_loop:
             found = self.alignment(last, first, common)
-            return found.overlap >= min(places.overlap, _DIFFERS)
-        is_seen = self._stars[last].is_whole and self._stars[first].is_whole
-        if places.overlap > 0.0 and not is_seen and len(common) < 2:
+            is_like = found.overlap >= min(places.overlap, _DIFFERS) and found.evidence >= least
+            return is_like and self._drift(found.pose, first) <= 0.0
+        if needs_more and len(common) < 2:
             return False
         # The gateways first: laying the local maps on one another takes far longer.
         pose, error = rigid_fit(*_paired(self[last], self[first], common))
         if error > places.gateway_error or self._drift(pose, first) > 1.0:
             return False
         found = self.alignment(last, first, common)
-        return self.is_alike(found) and self._drift(found.pose, first) <= 0.0
+        is_close = self._drift(found.pose, first) <= 0.0
+        return self.is_alike(found) and is_close and found.evidence >= least
 
     def _drift(self, pose: Pose, first: int) -> float:
         """Return by how much the odometry's error would be too large (m)."""

@@ -17,6 +17,7 @@ from albot_core.mappers.hssh.gateways import (
     find_gateways,
     region_around,
 )
+from albot_core.mappers.hssh.perceptual_map import states_of
 from albot_core.mappers.hssh.skeleton import distances, sealed, thinned
 from albot_core.mappers.hssh.star import ENDS, Star
 from tests.core.mappers.hssh.floors import (
@@ -133,6 +134,21 @@ def test_distances_are_those_of_scipy(seed, share):
     free[0] = False
     expected = ndimage.distance_transform_edt(free)
     np.testing.assert_allclose(distances(free), expected, atol=1e-4)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.05, 0.6), st.integers(0, 9))
+def test_islands_are_the_small_pieces_of_scipy(seed, share, island):
+    """Small pieces that hang together by corners, but not with the border, are free."""
+    rng = np.random.default_rng(seed)
+    belief = np.where(rng.random((24, 31)) < share, rng.choice((0.0, 1.0), (24, 31)), -1.0)
+    expected = np.pad(np.select((belief < 0, belief > 0), (1, 2), 0), 1)
+    pieces = ndimage.label(expected != FREE, np.ones((3, 3)))[0]
+    for k, box in enumerate(ndimage.find_objects(pieces), start=1):
+        sides = [side.stop - side.start for side in box]
+        if k != pieces[0, 0] and max(sides) <= island:
+            expected[pieces == k] = FREE
+    np.testing.assert_array_equal(states_of(belief.astype(np.float32), island), expected)
 
 
 @settings(max_examples=20, deadline=None)
