@@ -80,7 +80,6 @@ class BatchChecker:
 
     Args:
         batch: The batch.
-        worlds: The world of each environment.
         share: Share of the beams and sonars that are compared with the surfaces at each step, in
             (0, 1]. They take turns: at 1/8, each is compared at every eighth step.
         maps_every: Number of steps between two looks at all of a map.
@@ -93,7 +92,6 @@ class BatchChecker:
     def __init__(
         self,
         batch: VectorEnv[Any],
-        worlds: Sequence[World],
         *,
         share: float = 1.0,
         maps_every: int = 25,
@@ -105,7 +103,6 @@ class BatchChecker:
             environment = batch.task.environment
             raise InputError("task", "one in which the robot drives", environment)
         self._batch = batch
-        self._worlds = worlds
         self._stride = max(1, round(1 / share))
         self._config = batch.observation_config
         laser = batch.readings.laser
@@ -116,6 +113,23 @@ class BatchChecker:
             and LASER.name in self._config.shapes
             and self._config.laser_sectors is None
         )
+        self._tolerances = _tolerances(self._limits, batch.readings)
+        self._turn = 0
+        self._maps_every = maps_every
+        self._versions = np.full(batch.num_envs, -1)
+
+    def after_reset(self, observations: Any, infos: Infos) -> dict[int, list[Finding]]:
+        """Check a reset of all environments; return what is wrong, by environment."""
+        # Some tasks shut a door or move a wall at the beginning of an episode.
+        self._surround([self._batch.world_of(row) for row in range(self._batch.num_envs)])
+        self._keys = _keys(infos)
+        step = self._step(observations, np.zeros(self._batch.num_envs), infos)
+        self._before, self._old_outlines = infos["pose"][:, :2].copy(), step.outlines
+        return self._check(step, rewarded=False)
+
+    def _surround(self, worlds: Sequence[World]) -> None:
+        """Take the worlds of an episode."""
+        self._worlds = worlds
         walls, wall_rows = _stacked([world.walls for world in worlds])
         opaque, opaque_rows = _stacked([world.opaque for world in worlds])
         movables = [(len(m.doors), len(m.boxes), len(m.walkers)) for m in _movables(worlds)]
@@ -130,17 +144,6 @@ class BatchChecker:
             movables=self._movables,
             sides=SIDES,
         )
-        self._tolerances = _tolerances(self._limits, batch.readings)
-        self._turn = 0
-        self._maps_every = maps_every
-        self._versions = np.full(batch.num_envs, -1)
-
-    def after_reset(self, observations: Any, infos: Infos) -> dict[int, list[Finding]]:
-        """Check a reset of all environments; return what is wrong, by environment."""
-        self._keys = _keys(infos)
-        step = self._step(observations, np.zeros(self._batch.num_envs), infos)
-        self._before, self._old_outlines = infos["pose"][:, :2].copy(), step.outlines
-        return self._check(step, rewarded=False)
 
     def after_step(
         self, observations: Any, rewards: Float64[np.ndarray, "environments"], infos: Infos

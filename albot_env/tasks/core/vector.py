@@ -294,6 +294,10 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         """
         return self._robots.snapshot(self._row(environment))
 
+    def world_of(self, row: int) -> World:
+        """Return the world that a robot is in, with what its task has changed in it."""
+        return self._robots.world(row)
+
     @property
     def lost(self) -> Bool[np.ndarray, "environments"]:
         """Whether each robot believes to be lost; never without a mapper that can tell."""
