@@ -175,7 +175,8 @@ def _measure_rows(outcomes: Sequence[Outcome]) -> dict[str, float]:
         began = time.perf_counter()
         with folder.opened(resume=False):
             for number in range(_EMPTY):
-                folder.add(number, row_of(outcomes[number % len(outcomes)]))
+                row = row_of(outcomes[number % len(outcomes)])
+                folder.add(number, row | {"world": f"{WORLDS}:{number}", "seed": number})
             seconds = time.perf_counter() - began
             lines = (folder.path / TAIL).stat().st_size
         parts = sum(path.stat().st_size for path in folder.path.glob("*.parquet"))
