@@ -290,21 +290,21 @@ _CLUSTER = """\
 Install the same version of albot-env with its extra `cluster` on all nodes (another one is refused
 when its first task runs), and give all the same token. On the head:
 
-```sh
+```text
 ray get-auth-token --generate  # Copy ~/.ray/auth_token to all nodes.
 RAY_USAGE_STATS_ENABLED=0 RAY_AUTH_MODE=token ray start --head --port 6379 --include-dashboard false
 ```
 
 On each of the others, here by Slurm, then the command itself on the head:
 
-```sh
+```text
 srun --nodes 99 --ntasks-per-node 1 env RAY_AUTH_MODE=token \\
   ray start --address HEAD:6379 --block &
 RAY_AUTH_MODE=token albot stress --worlds random --count 1000000 \\
   --engine ray --address auto --rows /shared/million
 ```
 
-If the head is lost, start the cluster again and go on:
-`albot stress --resume /shared/million --engine ray --address auto`. Nodes may come and go
-meanwhile. What listens on which ports then is said in `SECURITY.md`.
+If the head is lost, start the cluster again and go on, with `--resume /shared/million` in place of
+`--worlds`, `--count` and `--rows`. Nodes may come and go meanwhile. What listens on which ports
+then is said in `SECURITY.md`.
 """
