@@ -187,6 +187,15 @@ class RunFolder:
         with sole_writer(self.versions, self.path, _PATIENCE):
             yield
 
+    @property
+    def curve(self) -> dict[str, list[float]]:
+        """The learning curve up to the last checkpoint; empty if there is none.
+
+        Raises:
+            InputError: The agent of the last checkpoint is damaged.
+        """
+        return dict(read_agent(self.last).training.curve) if self.last.exists() else {}
+
     def is_finished(self, plan: TrainingPlan) -> bool:
         """Return whether the run has all samples of its plan, and the evaluation after the last."""
         try:

@@ -164,7 +164,7 @@ def _train_trial(shared: _Shared, runs: Mapping[int, SeedRun], trial: int) -> No
             tune.report(figures)
 
     if trial in shared.over or folder.is_finished(plan):
-        tell(SweepFolder(folder.path.parent, values=[{}] * len(runs)).curve(trial))
+        tell(folder.curve)
         return
     with folder.locked():
         run = TrainingRun(folder, plan)

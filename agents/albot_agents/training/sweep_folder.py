@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan, try_plan
 from albot_agents.training.run_files import RunFolder
@@ -145,8 +144,7 @@ class SweepFolder:
 
     def curve(self, trial: int) -> dict[str, list[float]]:
         """Return the evaluations of a trial up to its last checkpoint; empty if there are none."""
-        last = self.run(trial).last
-        return dict(read_agent(last).training.curve) if last.exists() else {}
+        return self.run(trial).curve
 
     def best(self, metric: str) -> tuple[int, float] | None:
         """Return the best trial by its best evaluation, and that; None if nothing is measured."""
