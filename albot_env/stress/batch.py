@@ -80,6 +80,8 @@ class BatchChecker:
 
     Args:
         batch: The batch.
+        worlds: The world of each environment, as it should be. Only what the task itself changes
+            in a world is believed of the batch.
         share: Share of the beams and sonars that are compared with the surfaces at each step, in
             (0, 1]. They take turns: at 1/8, each is compared at every eighth step.
         maps_every: Number of steps between two looks at all of a map.
@@ -92,6 +94,7 @@ class BatchChecker:
     def __init__(
         self,
         batch: VectorEnv[Any],
+        worlds: Sequence[World],
         *,
         share: float = 1.0,
         maps_every: int = 25,
@@ -103,6 +106,7 @@ class BatchChecker:
             environment = batch.task.environment
             raise InputError("task", "one in which the robot drives", environment)
         self._batch = batch
+        self._given = worlds
         self._stride = max(1, round(1 / share))
         self._config = batch.observation_config
         laser = batch.readings.laser
@@ -121,7 +125,8 @@ class BatchChecker:
     def after_reset(self, observations: Any, infos: Infos) -> dict[int, list[Finding]]:
         """Check a reset of all environments; return what is wrong, by environment."""
         # Some tasks shut a door or move a wall at the beginning of an episode.
-        self._surround([self._batch.world_of(row) for row in range(self._batch.num_envs)])
+        changed = map(self._batch.changed_world, range(self._batch.num_envs))
+        self._surround([new or given for new, given in zip(changed, self._given, strict=True)])
         self._keys = _keys(infos)
         step = self._step(observations, np.zeros(self._batch.num_envs), infos)
         self._before, self._old_outlines = infos["pose"][:, :2].copy(), step.outlines

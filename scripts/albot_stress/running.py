@@ -192,6 +192,7 @@ class _GroupRun:
         checks, count = self._checks, len(self._episodes)
         checker = BatchChecker(
             batch,
+            self._worlds,
             share=checks.beams,
             maps_every=checks.maps_every,
             limits=checks.limits,
@@ -270,7 +271,7 @@ def check_episode(episode: Episode) -> None:
     world = episode.load_world()
     batch = make_batch([episode], [world])
     try:
-        BatchChecker(batch.unwrapped)
+        BatchChecker(batch.unwrapped, [world])
         make_agents(batch, [episode])
     finally:
         batch.close()

@@ -294,9 +294,10 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         """
         return self._robots.snapshot(self._row(environment))
 
-    def world_of(self, row: int) -> World:
-        """Return the world that a robot is in, with what its task has changed in it."""
-        return self._robots.world(row)
+    def changed_world(self, row: int) -> World | None:
+        """Return a robot's world if its task has changed something in it; None otherwise."""
+        world = self._robots.world(row)
+        return None if world is self._robots.given_world(row) else world
 
     @property
     def lost(self) -> Bool[np.ndarray, "environments"]:

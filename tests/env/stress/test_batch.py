@@ -30,7 +30,7 @@ def driven(steps: int, share: float = 1.0) -> tuple[Any, BatchChecker, Step]:
     batch = gymnasium.make_vec(
         "Albot/Explore-v0", num_envs=len(worlds), world=worlds, mapper="none", threads=1
     ).unwrapped
-    checker = BatchChecker(batch, share=share)
+    checker = BatchChecker(batch, worlds, share=share)
     batch.action_space.seed(1)
     assert checker.after_reset(*batch.reset(seed=5)) == {}
     for _ in range(steps):
@@ -147,7 +147,7 @@ def test_what_a_task_changes_in_a_world_is_known() -> None:
     batch = gymnasium.make_vec(
         "Albot/HomingByMap-v0", num_envs=2, world=worlds, mapper="none", threads=1
     ).unwrapped
-    checker = BatchChecker(batch)
+    checker = BatchChecker(batch, worlds)
     observations, infos = batch.reset(seed=[500012, 500018])
     assert checker.after_reset(observations, infos) == {}
     for world, checked in zip(worlds, checker._worlds, strict=True):
@@ -160,4 +160,4 @@ def test_what_a_task_changes_in_a_world_is_known() -> None:
 def test_a_share_of_no_beams_is_refused(scene: tuple[BatchChecker, Step]):
     checker = scene[0]
     with pytest.raises(InputError, match="share"):
-        BatchChecker(checker._batch, share=0.0)
+        BatchChecker(checker._batch, checker._worlds, share=0.0)
