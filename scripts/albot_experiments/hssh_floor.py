@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from albot_core.geometry.types import Points
-from albot_core.mappers.hssh.map_tree import Travel
 from albot_core.mappers.hssh.star import ENDS, Star
+from albot_core.mappers.hssh.topological_map import Travel
 from albot_maps.world import World
 
 Junction = tuple[int, int]

@@ -7,8 +7,9 @@ from jaxtyping import Float64
 
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
 from albot_core.geometry.types import Pose
-from albot_core.mappers.hssh.map_tree import TopologicalMap
-from albot_core.mappers.hssh.visits import Visits, gateways_of
+from albot_core.mappers.hssh.layout import gateways_of
+from albot_core.mappers.hssh.topological_map import TopologicalMap
+from albot_core.mappers.hssh.visits import Visits
 from albot_core.maps.layers import PlaceEdge, PlaceGraph, PlaceNode
 
 

@@ -4,31 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
-from albot_core.geometry.poses import compose, transform_points
+from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
+from albot_core.mappers.hssh.belief import Belief
 from albot_core.mappers.hssh.config import HsshConfig
 from albot_core.mappers.hssh.events import CONTRADICTED, NEW, RECOGNISED, Event, EventLog
-from albot_core.mappers.hssh.gateways import Ground, Region, crossed, find_gateways, region_around
+from albot_core.mappers.hssh.gateways import Ground, crossed, find_gateways
 from albot_core.mappers.hssh.layers import place_graph
-from albot_core.mappers.hssh.map_tree import OPEN, Gateway, MapTree, TopologicalMap
-from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap
-from albot_core.mappers.hssh.state import RULES, rows_of, tree_of
-from albot_core.mappers.hssh.visits import (
-    Visit,
-    Visits,
-    frames_of,
-    gateways_of,
-    open_ground_of,
-    surface_of,
+from albot_core.mappers.hssh.local_topology import (
+    entered_by,
+    is_back,
+    is_place,
+    is_settled,
+    perceived,
 )
-from albot_core.mappers.hssh.way_home import Routes, routes_home
-from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, WayHome
+from albot_core.mappers.hssh.map_tree import MapTree
+from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap
+from albot_core.mappers.hssh.region import Region, region_around
+from albot_core.mappers.hssh.state import RULES, rows_of, tree_of
+from albot_core.mappers.hssh.topological_map import TopologicalMap
+from albot_core.mappers.hssh.visit import Visit
+from albot_core.mappers.hssh.visits import Visits
+from albot_core.mappers.mapper import Estimate, WayHome
 from albot_core.mappers.schema import Arrays, Field, Pack, Schema
 from albot_core.mappers.slam.local_map import LocalMap, scan_points
 from albot_core.mappers.stored import StoredMapper
@@ -94,7 +95,7 @@ class Hssh(StoredMapper):
         self._matched = -1
         self._is_localised = True
         self._tree: MapTree | None = None  # Of all visits that have ended.
-        self._believe(None)
+        self._belief = Belief(self._visits, None)
 
     # The readings.
 
@@ -116,13 +117,13 @@ class Hssh(StoredMapper):
         self._poses.append(self._pose)
         if is_first:
             self._visits.begin(self._nothing())
-            self._believe(None)
+            self._belief = Belief(self._visits, None)
         elif self._has_left():
             self._search()
         if is_kept and (is_first or self._way - self._searched >= self.config.places.search):
             self._search()
         if is_kept:
-            self._match()
+            self._matched = self._belief.nearest_reading(self._poses, self.config.places.claim)
         return is_kept
 
     def _keep(self, laser: LaserScan, is_first: bool) -> None:
@@ -155,15 +156,9 @@ class Hssh(StoredMapper):
 
     # The local topology.
 
-    @property
-    def _is_away(self) -> bool:
-        """Whether the robot has left the place of the last visit."""
-        return self._visits[len(self._visits) - 1].left >= 0
-
     def _has_left(self) -> bool:
         """End the visit if the robot has left its place through a gateway; return whether."""
-        number = len(self._visits) - 1
-        visit = self._visits[number]
+        visit = self._visits.last
         if visit.left >= 0 or not len(visit.gateways):
             return False
         x, y, _ = self._pose.tolist()
@@ -174,6 +169,86 @@ class Hssh(StoredMapper):
         self._misses = 0
         self._version += 1
         return True
+
+    def _search(self) -> None:
+        """Search the local perceptual map for gateways, and for the place around the robot."""
+        self._searched = self._way
+        self._perceived.scroll(self._pose)
+        ground = self._perceived.ground(self._pose, self.config.gateways.island)
+        narrows = find_gateways(ground, self.config.gateways)
+        region = region_around(ground, narrows, self._pose[:2], self.config.gateways.narrowest)
+        if region is None:
+            return
+        if self._visits.is_away:
+            self._arrive(ground, region)
+        else:
+            self._look_again(ground, region)
+
+    def _arrive(self, ground: Ground, region: Region) -> None:
+        """Begin a visit if the region is a place with the gateway through which the robot came."""
+        if not is_place(region, self._pose[:2], self.config):
+            return
+        last = self._visits.last
+        arrived = self._entrance(region, last)
+        if arrived < 0:
+            return
+        is_open = self._known < len(self._visits)
+        if is_open and is_back(region, arrived, last, self.config.places.near):
+            self._visits.amend(last._replace(left=-1))
+            self._version += 1
+            return
+        self._end_visit()
+        self._visits.begin(self._nothing())
+        self._perceive(ground, region, arrived)
+
+    def _entrance(self, region: Region, last: Visit) -> int:
+        """Return the gateway through which the robot came into a region; -1 if it is not known.
+
+        It is the one that the robot has crossed last since it left the last place; or, after some
+        searches, the one nearest to where it left.
+        """
+        crossed_last = entered_by(region, np.array(self._poses[last.entered :])[:, :2])
+        if crossed_last >= 0 or self._misses < _PATIENCE:
+            self._misses += crossed_last < 0
+            return crossed_last
+        if not region.is_whole:
+            return -1  # That gateway may not have been seen yet.
+        left = last.middles[last.left]
+        return int(np.argmin(np.hypot(*(region.middles - left).T)))
+
+    def _look_again(self, ground: Ground, region: Region) -> None:
+        """Replace what is known of the present place, if the region is that of the visit."""
+        visit, near = self._visits.last, self.config.places.near
+        if is_settled(visit, region, self._pose):
+            return
+        if visit.arrived < 0:
+            self._perceive(ground, region, -1)
+            return
+        if not len(region.gateways):
+            return
+        away = np.hypot(*(region.middles[:, None] - visit.middles).transpose(2, 0, 1))
+        if region.is_path(self.config.gateways):
+            if not visit.unknown and not (len(away.T) == 2 and (away.min(axis=0) <= near).all()):
+                return  # It is beside the place.
+            # Its far end has come into view, and it is a piece of the path.
+            self._visits.cancel()
+            self._belief = Belief(self._visits, None if self._tree is None else self._tree.best)
+            return
+        nearest = int(np.argmin(away[:, visit.arrived]))
+        if away[nearest, visit.arrived] > near and self._misses < _PATIENCE:
+            self._misses += 1
+            return
+        self._perceive(ground, region, nearest)
+
+    def _perceive(self, ground: Ground, region: Region, arrived: int) -> None:
+        """Note what is known of the present place, and what the tree makes of it."""
+        self._misses = 0
+        visit = perceived(self._visits.last, ground, region, arrived, self.config.places)
+        self._visits.amend(visit)
+        self._preview()
+        self._version += 1
+
+    # The global topology.
 
     @property
     def _known(self) -> int:
@@ -188,7 +263,8 @@ class Hssh(StoredMapper):
         number = len(self._visits) - 1
         if self._known > number:
             return
-        before = self._best.visits if self._best is not None else ()
+        believed = self._belief.best
+        before = () if believed is None else believed.visits
         forgotten = 0
         agrees = True
         if self._tree is None:
@@ -213,183 +289,33 @@ class Hssh(StoredMapper):
             )
         )
 
-    def _search(self) -> None:
-        """Search the local perceptual map for gateways, and for the place around the robot."""
-        self._searched = self._way
-        self._perceived.scroll(self._pose)
-        ground = self._perceived.ground(self._pose, self.config.gateways.island)
-        narrows = find_gateways(ground, self.config.gateways)
-        region = region_around(ground, narrows, self._pose[:2], self.config.gateways.narrowest)
-        if region is None:
-            return
-        if self._is_away:
-            self._arrive(ground, region)
-        else:
-            self._look_again(ground, region)
-
-    def _arrive(self, ground: Ground, region: Region) -> None:
-        """Begin a visit if the region is a place with the gateway through which the robot came."""
-        if not len(region.gateways) or region.is_path(self.config.gateways):
-            return
-        if not region.is_whole:
-            # A path whose far end was not seen yet, or a place ahead beyond such a path.
-            away = float(np.hypot(*(region.peak - self._pose[:2])))
-            if away > region.clearance or region.is_narrow(self.config.gateways):
-                return
-        last = self._visits[len(self._visits) - 1]
-        arrived = self._entrance(region, last)
-        if arrived < 0:
-            return
-        if self._is_back(region, arrived, last):
-            self._visits.amend(last._replace(left=-1))
-            self._version += 1
-            return
-        self._end_visit()
-        self._visits.begin(self._nothing())
-        self._perceive(ground, region, arrived)
-
-    def _is_back(self, region: Region, arrived: int, last: Visit) -> bool:
-        """Return whether the robot has turned round, and comes back by the gateway it left by."""
-        if self._known >= len(self._visits):
-            return False
-        left, came = last.gateways[last.left], region.gateways[arrived]
-        away = float(np.hypot(*(region.middles[arrived] - last.middles[last.left])))
-        return away <= self.config.places.near and bool(
-            np.dot(left[2:] - left[:2], came[2:] - came[:2]) > 0.0
-        )
-
-    def _entrance(self, region: Region, last: Visit) -> int:
-        """Return the gateway through which the robot came into a region; -1 if it is not known.
-
-        It is the one that the robot has crossed last since it left the last place; or, after some
-        searches, the one nearest to where it left.
-        """
-        start = last.entered
-        track = np.array(self._poses[start:])[::-1, :2]
-        # Of each gateway: the latest reading at which the robot was outside of it.
-        best, latest = -1, len(track)
-        for k, line in enumerate(region.gateways):
-            ahead, aside = _beside(line[None], track)
-            outside = np.flatnonzero((ahead > 0.0) & (ahead < 1.0) & (aside <= 0.3))
-            if len(outside) and outside[0] < latest:
-                best, latest = k, int(outside[0])
-        if best >= 0 or self._misses < _PATIENCE:
-            self._misses += best < 0
-            return best
-        if not region.is_whole:
-            return -1  # That gateway may not have been seen yet.
-        left = last.middles[last.left]
-        return int(np.argmin(np.hypot(*(region.middles - left).T)))
-
-    def _look_again(self, ground: Ground, region: Region) -> None:
-        """Replace what is known of the present place, if the region is that of the visit."""
-        number = len(self._visits) - 1
-        visit = self._visits[number]
-        x, y, _ = self._pose.tolist()
-        if len(visit.gateways) and crossed(visit.gateways, x, y, 0.0) >= 0:
-            return  # It stands behind a gateway, but has not gone far enough to have left.
-        if not region.is_whole and not visit.unknown:
-            return  # Its star is settled. A part of the place lies outside of the local map now.
-        if visit.arrived < 0:
-            self._perceive(ground, region, -1)
-            return
-        if not len(region.gateways):
-            return
-        away = np.hypot(*(region.middles[:, None] - visit.middles).transpose(2, 0, 1))
-        if region.is_path(self.config.gateways):
-            near = self.config.places.near
-            if not visit.unknown and not (len(away.T) == 2 and (away.min(axis=0) <= near).all()):
-                return  # It is beside the place.
-            # Its far end has come into view, and it is a piece of the path.
-            self._visits.cancel()
-            self._believe(None if self._tree is None else self._tree.best)
-            return
-        nearest = int(np.argmin(away[:, visit.arrived]))
-        if away[nearest, visit.arrived] > self.config.places.near and self._misses < _PATIENCE:
-            self._misses += 1
-            return
-        self._perceive(ground, region, nearest)
-
-    def _perceive(self, ground: Ground, region: Region, arrived: int) -> None:
-        """Note what is known of the present place, and what the tree makes of it."""
-        self._misses = 0
-        number, places = len(self._visits) - 1, self.config.places
-        around = max(places.around, region.clearance + places.beside)
-        visit = self._visits[number]._replace(
-            arrived=arrived,
-            middle=region.peak,
-            gateways=region.gateways,
-            unknown=region.unknown,
-            surface=surface_of(ground, region.peak, around, places.points),
-            open_ground=open_ground_of(ground, region.peak, around),
-        )
-        self._visits.amend(visit)
-        self._preview()
-        self._version += 1
-
     def _preview(self) -> None:
         """Believe what the tree would hold if the present visit ended now."""
         number = len(self._visits) - 1
         if self._tree is None:
-            self._believe(None)
+            self._belief = Belief(self._visits, None)
             return
         travel = self._visits.travel(number)
         # All maps are extended at the end of the visit only, for speed.
         maps = self._tree.preview(travel, self._visits.judge, self._tree.minimal[:1])
-        self._believe(maps[0] if maps else self._tree.best.repaired(travel))
+        best = maps[0] if maps else self._tree.best.repaired(travel)
+        self._belief = Belief(self._visits, best)
 
     # What is believed.
-
-    def _believe(self, best: TopologicalMap | None) -> None:
-        """Believe a map; None for that of the first place alone."""
-        self._best = best
-        self._frames = np.zeros((1, 3))
-        self._firsts = [0]
-        if best is not None:
-            self._frames = frames_of(self._visits, best)
-            self._firsts = [best.firsts[visit.place] for visit in best.visits]
-        self._routes: Routes | None = None
 
     @property
     def believed_map(self) -> TopologicalMap:
         """The preferred map, with the present visit as it is perceived so far."""
-        return self._best or TopologicalMap.beginning(self._visits.star(0))
-
-    def _places(self) -> list[int]:
-        """Return the place of each visit."""
-        return [visit.place for visit in self._best.visits] if self._best else [0]
-
-    def _visit_of_readings(self) -> Int64[np.ndarray, "readings"]:
-        """Return the visit during which, or after which, each reading was taken."""
-        entered = [self._visits[k].entered for k in range(len(self._visits))]
-        return np.searchsorted(entered, np.arange(len(self._poses)), side="right") - 1
-
-    def _match(self) -> None:
-        """Find the reading of an earlier visit to this place that was taken nearest to here."""
-        self._matched = -1
-        number = len(self._visits) - 1
-        if self._best is None or self._is_away or self._firsts[number] == number:
-            return
-        here = compose(self._frames[number], self._pose)[:2]
-        nearest = self.config.places.claim
-        for k in range(number):
-            if self._firsts[k] != self._firsts[number]:
-                continue
-            span = slice(self._visits[k].entered, self._visits[k + 1].entered)
-            stood = np.array(self._poses[span])[:, :2]
-            away = np.hypot(*(transform_points(self._frames[k], stood) - here).T)
-            if away.min() < nearest:
-                nearest = float(away.min())
-                self._matched = self._visits[k].entered + int(away.argmin())
+        return self._belief.map
 
     @property
     def estimate(self) -> Estimate:
         """The robot's pose in the metric layout of the preferred map; home is where it started."""
         return Estimate(
-            pose=compose(self._frames[-1], self._pose),
+            pose=compose(self._belief.frame, self._pose),
             home=np.zeros(3),
             localised=self._is_localised,
-            place=self._places()[-1] if self._poses else None,
+            place=self._belief.places[-1] if self._poses else None,
             matched_reading=None if self._matched < 0 else self._matched,
             updates=self._updates,
             map_version=self._version,
@@ -412,13 +338,14 @@ class Hssh(StoredMapper):
 
     def place_at(self, reading: int) -> int:
         """Return the id of the place where a reading was taken, or that was left before it."""
-        return self._places()[int(self._visit_of_readings()[reading])]
+        return self._belief.places[int(self._belief.visit_of_readings(len(self._poses))[reading])]
 
     def corrected_poses(self) -> Poses:
         """Return the pose at every reading since the reset, as estimated now, (readings, 3)."""
         if not self._poses:
             return np.empty((0, 3))
-        return compose(self._frames[self._visit_of_readings()], np.array(self._poses))
+        frames = self._belief.frames[self._belief.visit_of_readings(len(self._poses))]
+        return compose(frames, np.array(self._poses))
 
     @property
     def way_home(self) -> WayHome:
@@ -426,63 +353,13 @@ class Hssh(StoredMapper):
 
         In the place of home it leads straight there.
         """
-        way = np.full(7, np.nan)
-        here = self.estimate.pose[:2]
-        way[TRAVEL] = float(np.hypot(*here))
-        if not self._poses:
-            return way
-        leaf = self.believed_map
-        number = len(self._visits) - 1
-        place = leaf.here.place
-        if place == 0 and not self._is_away:
-            return way
-        lines = gateways_of(self._visits, leaf, self._frames)
-        middles = [np.asarray((each[:, :2] + each[:, 2:]) / 2) for each in lines]
-        if self._routes is None:
-            self._routes = routes_home(self._travelled(leaf), middles, np.zeros(2))
-        lengths, onward = self._routes
-        choices = [(place, k) for k in range(len(middles[place]))]
-        if self._is_away:
-            behind = leaf.gateway(self._visits[number].left, number)
-            ahead = leaf.joined[behind[0]][behind[1]]
-            choices = [behind, *([] if ahead == OPEN else [ahead])]
-        choices = [each for each in choices if each in lengths]
-        if not choices:
-            way[TRAVEL] = np.inf
-            return way
-
-        def length(gateway: tuple[int, int]) -> float:
-            return lengths[gateway] + float(np.hypot(*(middles[gateway[0]][gateway[1]] - here)))
-
-        target = min(choices, key=length)
-        way[TRAVEL] = length(target)
-        if not self._is_away:
-            way[EXIT] = lines[target[0]][target[1]]
-        at = target
-        while at != OPEN:
-            point = middles[at[0]][at[1]]
-            if np.hypot(*(point - here)) >= self.config.ahead:
-                way[POINT] = point
-                break
-            at = onward[at]
-        return way
-
-    def _travelled(self, leaf: TopologicalMap) -> list[tuple[Gateway, Gateway]]:
-        """Return the gateways between which the robot has travelled."""
-        visits = [self._visits[k] for k in range(len(leaf.visits))]
-        return [
-            (leaf.gateway(before.left, k), leaf.gateway(after.arrived, k + 1))
-            for k, (before, after) in enumerate(pairwise(visits))
-        ]
+        return self._belief.way_home(self.estimate.pose[:2], self.config.ahead)
 
     def snapshot(self) -> MapSnapshot:
         """Return the local perceptual map, and the places and paths of the preferred map."""
-        layer = self._perceived.layer(self._frames[-1])
-        if not self._poses:
-            return MapSnapshot(layers=(layer, place_graph(None, self._visits, self._frames)))
-        return MapSnapshot(
-            layers=(layer, place_graph(self.believed_map, self._visits, self._frames))
-        )
+        leaf = self.believed_map if self._poses else None
+        graph = place_graph(leaf, self._visits, self._belief.frames)
+        return MapSnapshot(layers=(self._perceived.layer(self._belief.frame), graph))
 
     def _sizes(self) -> dict[str, Any]:
         return {"config": self.config}
@@ -500,19 +377,6 @@ class Hssh(StoredMapper):
         if not self._poses:
             return
         if self._known == len(self._visits):
-            self._believe(None if self._tree is None else self._tree.best)
+            self._belief = Belief(self._visits, None if self._tree is None else self._tree.best)
         else:
             self._preview()
-
-
-def _beside(
-    lines: Float64[np.ndarray, "lines 4"], points: Float64[np.ndarray, "*points 2"]
-) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "n"]]:
-    """Return how far points lie to the right of lines, and how far beyond their ends (m)."""
-    along = lines[:, 2:] - lines[:, :2]
-    lengths = np.maximum(np.hypot(*along.T), 1e-9)
-    along = along / lengths[:, None]
-    to = points - lines[:, :2]
-    ahead = to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]
-    at = np.sum(to * along, axis=1)
-    return ahead, np.maximum(-at, at - lengths)

@@ -9,9 +9,11 @@ from jaxtyping import Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.hssh.config import HsshConfig
-from albot_core.mappers.hssh.map_tree import MapTree, TopologicalMap, Travel
-from albot_core.mappers.hssh.map_tree import Visit as Numbered
-from albot_core.mappers.hssh.visits import Visit, visits_of
+from albot_core.mappers.hssh.map_tree import MapTree
+from albot_core.mappers.hssh.topological_map import TopologicalMap, Travel
+from albot_core.mappers.hssh.topological_map import Visit as Numbered
+from albot_core.mappers.hssh.visit import Visit
+from albot_core.mappers.hssh.visits import visits_of
 from albot_core.mappers.schema import Arrays, Sizes, refuse_unless
 
 

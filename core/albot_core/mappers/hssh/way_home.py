@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.mappers.hssh.map_tree import OPEN, Gateway
+from albot_core.mappers.hssh.topological_map import OPEN, Gateway
 
 
 class Routes(NamedTuple):

@@ -8,16 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from albot_core.mappers.hssh.gateways import (
-    FREE,
-    GatewayConfig,
-    Ground,
-    Region,
-    continuations,
-    find_gateways,
-    region_around,
-)
+from albot_core.mappers.hssh.gateways import FREE, GatewayConfig, Ground, find_gateways
 from albot_core.mappers.hssh.perceptual_map import states_of
+from albot_core.mappers.hssh.region import Region, continuations, region_around
 from albot_core.mappers.hssh.skeleton import distances, sealed, thinned
 from albot_core.mappers.hssh.star import ENDS, Star
 from tests.core.mappers.hssh.floors import (

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_core.mappers.hssh.map_tree import OPEN, Common, MapTree, Travel, TreeConfig, Visit
+from albot_core.mappers.hssh.map_tree import MapTree, TreeConfig
 from albot_core.mappers.hssh.star import ENDS, MAYBE, Merge, Star, merges
+from albot_core.mappers.hssh.topological_map import OPEN, Common, Travel, Visit
 from albot_experiments.hssh_floor import experience, places_of
 
 END, BEND, LINE = Star(ENDS), Star(ENDS, ENDS), Star(1, 0)

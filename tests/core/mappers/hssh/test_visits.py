@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import transform_points, transform_segments
+from albot_core.mappers.hssh.alignment import align, rigid_fit
 from albot_core.mappers.hssh.config import HsshConfig, PlaceConfig
-from albot_core.mappers.hssh.visits import Visit, Visits, align, rigid_fit
+from albot_core.mappers.hssh.visit import Visit
+from albot_core.mappers.hssh.visits import Visits
 
 # The gateways of a room between (0, 0) and (4, 4): its two doors, east and west.
 DOORS = np.array(((4.0, 1.5, 4.0, 2.5), (0.0, 2.5, 0.0, 1.5)))
