@@ -312,12 +312,22 @@ def _nearest_wall(
     half = 0.5 * math.sqrt(up * up + across * across)
     is_any = up == across == 0
     nearest, found, at = 2 * reach * reach + 1, -1, -1
-    for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
-        if (i - row) * (i - row) >= nearest:
+    # From the cell outwards, rows and cells of a row; of equally near ones the first of the grid.
+    for step in range(2 * reach + 1):
+        i = row + (step >> 1 if step & 1 == 0 else -(step + 1 >> 1))
+        if (i - row) * (i - row) > nearest:
+            break
+        if not 0 <= i < rows:
             continue
-        for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
+        for aside in range(2 * reach + 1):
+            j = column + (aside >> 1 if aside & 1 == 0 else -(aside + 1 >> 1))
             away = (i - row) * (i - row) + (j - column) * (j - column)
-            if states[i, j] == FREE or away >= nearest:
+            if away > nearest:
+                break
+            if not 0 <= j < columns or states[i, j] == FREE:
+                continue
+            is_first = i < found or (i == found and j < at)
+            if away == nearest and not is_first:
                 continue
             if is_any or (i - row) * up + (j - column) * across < -half * math.sqrt(away):
                 nearest, found, at = away, i, j

@@ -13,8 +13,8 @@ from albot_core.mappers.schema import Schema
 from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
 from albot_core.mappers.slam.tiles import (
     NONE,
+    TILE,
     PoolArrays,
-    log_odds_at,
     release_tiles,
     tiles_around,
 )
@@ -99,10 +99,20 @@ def _belief_within(
         low: Column and row of the first cell.
         high: The ends of the columns and rows.
     """
-    belief = np.empty((high[1] - low[1], high[0] - low[0]), np.float32)
-    for i in range(belief.shape[0]):
-        for j in range(belief.shape[1]):
-            belief[i, j] = log_odds_at(pool, index, corner, low[1] + i, low[0] + j)
+    rows, columns = high[1] - low[1], high[0] - low[0]
+    belief = np.zeros((rows, columns), np.float32)
+    for tile_row in range(index.shape[0]):
+        top = (corner[0] + tile_row) * TILE - low[1]
+        for tile_column in range(index.shape[1]):
+            tile = index[tile_row, tile_column]
+            left = (corner[1] + tile_column) * TILE - low[0]
+            first, last = max(left, 0), min(left + TILE, columns)
+            if tile == NONE or first >= last:
+                continue
+            for i in range(max(top, 0), min(top + TILE, rows)):
+                here, known = belief[i, first:last], pool.cells[tile, i - top, first - left :]
+                for j in range(len(here)):
+                    here[j] = known[j]
     return belief
 
 
@@ -120,11 +130,9 @@ def states_of(
     rows, columns = belief.shape
     states = np.zeros((rows + 2, columns + 2), np.int8)
     for i in range(rows):
+        here, line = states[i + 1, 1:-1], belief[i]
         for j in range(columns):
-            if belief[i, j] > 0.0:
-                states[i + 1, j + 1] = WALL
-            elif belief[i, j] < 0.0:
-                states[i + 1, j + 1] = FREE
+            here[j] = WALL * (line[j] > 0.0) + FREE * (line[j] < 0.0)
     _free_islands(states, island)
     return states
 

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float64
 from albot_core.geometry.types import Points, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.hssh.gateways import FREE, UNKNOWN, GatewayConfig, Ground, Narrows
+from albot_core.mappers.hssh.skeleton import COLUMNS, ROWS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,11 +78,12 @@ def region_around(
         return None
     labels = _labels_of(ground.states)
     ends = np.floor((narrows.gateways.reshape(-1, 2, 2) - ground.corner) / ground.cell)
-    draw_lines(labels, ends.astype(np.int64))
+    cells = ends.astype(np.int64)
+    draw_lines(labels, cells)
     if labels[row, column] != 1:
         return None
-    chosen, unknown = surround(labels, row, column, narrowest / ground.cell)
-    best = _most_open(labels, narrows.clearance)
+    low, best, sides = _fill(labels, narrows.clearance, row, column)
+    chosen, unknown = surround(labels, _leading(labels, cells), low, sides, narrowest / ground.cell)
     lines = narrows.gateways[chosen]
     _turn_to_region(labels, lines, ground.corner, ground.cell)
     return Region(
@@ -105,22 +107,6 @@ def _labels_of(states: np.ndarray) -> np.ndarray:
             is_unseen = states[i, j] == UNKNOWN
             labels[i, j] = _UNSEEN if is_unseen else states[i, j] == FREE
     return labels
-
-
-@kernel()
-def _most_open(labels: np.ndarray, clearance: np.ndarray) -> tuple[int, int]:
-    """Return row and column of the region's cell with the largest clearance.
-
-    Args:
-        labels: `_INSIDE` for the region's cells (rows, columns).
-        clearance: Distance of each cell to the nearest wall (cells).
-    """
-    most, row, column = np.float32(-1.0), 0, 0
-    for i in range(labels.shape[0]):
-        for j in range(labels.shape[1]):
-            if clearance[i, j] > most and labels[i, j] == _INSIDE:
-                most, row, column = clearance[i, j], i, j
-    return row, column
 
 
 @kernel()
@@ -170,24 +156,23 @@ def draw_lines(labels: np.ndarray, ends: np.ndarray) -> None:
 
 @kernel(arrays=True)
 def surround(
-    labels: np.ndarray, row: int, column: int, narrowest: float
+    labels: np.ndarray, leads: np.ndarray, low: tuple[int, int], most: int, narrowest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mark the region around a cell; return the gateways along its border, counter-clockwise.
+    """Find the gateways along the region's border, counter-clockwise.
 
     Args:
-        labels: 1 for free cells, 0 for walls, 3 for unseen cells, -1 - k for gateway k; the region
-            becomes `_INSIDE`.
-        row: The cell's row.
-        column: Its column.
+        labels: `_INSIDE` for the region's cells, 1 for other free ones, 0 for walls, 3 for unseen
+            cells, -1 - k for gateway k.
+        leads: Whether each gateway has other free ground behind.
+        low: Row and column of the first cell of the region's lowest row.
+        most: Number of sides of cells along all borders of the region.
         narrowest: Smallest distance between the ends of an unseen part of the border (cells).
 
     Returns:
-        The gateways with other free ground behind, from the south on; and for each unseen part of
-        the border the number of gateways before it.
+        The gateways that lead on, from the south on; and for each unseen part of the border the
+        number of gateways before it.
     """
-    low_row, low_column, most = _fill(labels, row, column)
-    sides, count = _border(labels, low_row, low_column, most)
-    leads = _leading(labels)
+    sides, count = _border(labels, low[0], low[1], most)
     order, found = np.empty(len(leads), np.int64), 0
     unknown, parts = np.empty(count, np.int64), 0
     is_listed = np.zeros(len(leads), np.bool_)
@@ -245,54 +230,71 @@ def _border(labels: np.ndarray, row: int, column: int, most: int) -> tuple[np.nd
 
 
 @kernel(arrays=True)
-def _fill(labels: np.ndarray, row: int, column: int) -> tuple[int, int, int]:
+def _fill(
+    labels: np.ndarray, clearance: np.ndarray, row: int, column: int
+) -> tuple[tuple[int, int], tuple[int, int], int]:
     """Mark the region around a cell.
 
+    Args:
+        labels: 1 for free cells, 0 for walls, 3 for unseen cells, -1 - k for gateway k; the region
+            becomes `_INSIDE`.
+        clearance: Distance of each cell to the nearest wall (cells).
+        row: The cell's row.
+        column: Its column.
+
     Returns:
-        Row and column of the first cell of its lowest row, and the number of sides of cells along
-        its borders.
+        Row and column of the first cell of its lowest row, and of its cell with the largest
+        clearance; and the number of sides of cells along its borders.
     """
-    stack = np.empty((labels.size, 2), np.int32)
-    labels[row, column] = _INSIDE
-    stack[0, 0], stack[0, 1] = row, column
-    size, low_row, low_column, sides = 1, row, column, 0
+    columns = labels.shape[1]
+    flat, open_by = labels.reshape(-1), clearance.reshape(-1)
+    stack, size, sides = np.empty(labels.size, np.int32), 1, 0
+    low = best = row * columns + column
+    flat[low] = _INSIDE
+    stack[0] = low
     while size:
         size -= 1
-        i, j = stack[size, 0], stack[size, 1]
-        if i < low_row or (i == low_row and j < low_column):
-            low_row, low_column = i, j
-        for n in range(0, 8, 2):
-            a, b = i + _ROWS[n], j + _COLUMNS[n]
-            if labels[a, b] == 1:
-                labels[a, b] = _INSIDE
-                stack[size, 0], stack[size, 1] = a, b
+        cell = stack[size]
+        low = min(low, cell)
+        here = open_by[cell]
+        if here > open_by[best] or (here == open_by[best] and cell < best):
+            best = cell
+        for step in (1, columns, -1, -columns):
+            beside = cell + step
+            if flat[beside] == 1:
+                flat[beside] = _INSIDE
+                stack[size] = beside
                 size += 1
-            elif labels[a, b] != _INSIDE:
+            elif flat[beside] != _INSIDE:
                 sides += 1
-    return low_row, low_column, sides
+    return (low // columns, low % columns), (best // columns, best % columns), sides
 
 
 @kernel(arrays=True)
-def _leading(labels: np.ndarray) -> np.ndarray:
+def _leading(labels: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Return whether each gateway has free ground beside it that is not the region's.
 
     One with the region on both sides separates nothing, one with nothing behind leads nowhere.
+
+    Args:
+        labels: -1 - k for the cells of gateway k, 1 for free ground (rows, columns).
+        ends: Column and row of the ends of each gateway (gateways, 2, 2).
     """
-    rows, columns = labels.shape
-    leads = np.zeros(max(-labels.min(), 0), np.bool_)
-    for i in range(1, rows - 1):
-        for j in range(1, columns - 1):
-            if labels[i, j] < 0:
-                for n in range(8):
-                    leads[-1 - labels[i, j]] |= labels[i + _ROWS[n], j + _COLUMNS[n]] == 1
+    leads = np.zeros(len(ends), np.bool_)
+    for k in range(len(ends)):
+        left, right = min(ends[k, 0, 0], ends[k, 1, 0]), max(ends[k, 0, 0], ends[k, 1, 0])
+        low, high = min(ends[k, 0, 1], ends[k, 1, 1]), max(ends[k, 0, 1], ends[k, 1, 1])
+        for i in range(low, high + 1):
+            for j in range(left, right + 1):
+                if labels[i, j] == -1 - k:
+                    for n in range(8):
+                        leads[k] |= labels[i + ROWS[n], j + COLUMNS[n]] == 1
     return leads
 
 
-_ROWS = np.array((0, 1, 1, 1, 0, -1, -1, -1))
-_COLUMNS = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 _UP = np.array((0, 1, 0, -1))
 _ACROSS = np.array((1, 0, -1, 0))
-"""The neighbours of a cell, all and by sides, counter-clockwise from the east."""
+"""The neighbours of a cell by its sides, counter-clockwise from the east."""
 
 
 def continuations(gateways: Segments, straight: float) -> tuple[int, ...]:

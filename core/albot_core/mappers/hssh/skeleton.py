@@ -57,11 +57,32 @@ def _is_tip(bits: int) -> bool:
     return 0b1 in turned or 0b11 in turned
 
 
-_SIMPLE = np.array([_is_simple(bits) for bits in range(256)])
-_TIP = np.array([_is_tip(bits) for bits in range(256)])
-_ROWS = np.array((0, 1, 1, 1, 0, -1, -1, -1))
-_COLUMNS = np.array((1, 1, 0, -1, -1, -1, 0, 1))
+def _removal(bits: int) -> int:
+    """Return whether a cell is removed: 0 for no, 1 for yes, 2 for yes if it is a steep arm's tip.
+
+    The bits are those of the cell and its neighbours by rows, from the west.
+    """
+    ring = (5, 8, 7, 6, 3, 0, 1, 2)
+    around = sum((bits >> place & 1) << k for k, place in enumerate(ring))
+    return int(_is_simple(around)) + int(_is_simple(around) and _is_tip(around))
+
+
+_REMOVAL = np.array([_removal(bits) for bits in range(512)], np.int8)
+ROWS = np.array((0, 1, 1, 1, 0, -1, -1, -1))
+COLUMNS = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 """The neighbours of a cell, counter-clockwise from the east."""
+_RING = np.array(
+    [
+        (i, j)
+        for i in range(-_NEAR - 1, _NEAR + 2)
+        for j in range(-_NEAR - 1, _NEAR + 2)
+        if abs(math.hypot(i, j) - _NEAR) <= 0.5
+    ]
+)
+"""Rows and columns to the cells at that distance."""
+_RISE = _SLOPE * np.hypot(*_RING.T)
+_FAR = np.int32(1 << 30)
+"""Square of a distance beyond all others (cells²)."""
 
 
 def skeleton_of(clearance: Float32[np.ndarray, "rows columns"]) -> Skeleton:
@@ -84,115 +105,146 @@ def sealed(free: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows col
     8-connected, and would lead through it.
     """
     kept = free.copy()
-    rows, columns = kept.shape
+    rows = kept.shape[0]
+    # Rows that may have such cells, with the row after.
+    is_due = np.ones(rows, np.bool_)
     changed = True
     while changed:
         changed = False
         for i in range(rows - 1):
-            for j in range(columns - 1):
-                one = kept[i, j] and kept[i + 1, j + 1]
-                other = kept[i, j + 1] and kept[i + 1, j]
-                if one and not kept[i, j + 1] and not kept[i + 1, j]:
-                    kept[i, j], changed = False, True
-                elif other and not kept[i, j] and not kept[i + 1, j + 1]:
-                    kept[i, j + 1], changed = False, True
+            if is_due[i]:
+                is_due[i] = False
+                if _touch(kept[i], kept[i + 1]) and _seal(kept[i], kept[i + 1]):
+                    changed = is_due[i] = is_due[max(i - 1, 0)] = True
     return kept
+
+
+@kernel()
+def _touch(row: np.ndarray, following: np.ndarray) -> bool:
+    """Return whether cells of two rows touch by their corners alone.
+
+    Without branches, so that many cells are compared at once.
+    """
+    a, b, c, d = row[:-1], row[1:], following[:-1], following[1:]
+    found = False
+    for j in range(len(a)):
+        one, other = a[j] & d[j], b[j] & c[j]
+        found |= (one & (not b[j]) & (not c[j])) | (other & (not a[j]) & (not d[j]))
+    return found
+
+
+@kernel()
+def _seal(row: np.ndarray, following: np.ndarray) -> bool:
+    """Remove the cells of a row that touch one of the following row by their corners alone.
+
+    Returns:
+        Whether there are any.
+    """
+    changed = False
+    for j in range(len(row) - 1):
+        one, other = row[j] and following[j + 1], row[j + 1] and following[j]
+        if one and not row[j + 1] and not following[j]:
+            row[j], changed = False, True
+        elif other and not row[j] and not following[j + 1]:
+            row[j + 1], changed = False, True
+    return changed
 
 
 @kernel(arrays=True)
 def distances(free: Bool[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "rows columns"]:
     """Return the distance of each free cell to the nearest cell that is not free (cells).
 
-    P. Felzenszwalb and D. Huttenlocher, Distance transforms of sampled functions, Theory of
-    Computing 2012. Without any such cell the distances are those to beyond the grid.
+    First within columns, then within rows (T. Saito and J. Toriwaki, New algorithms for Euclidean
+    distance transformation, Pattern Recognition 1994). Without any such cell the distances are
+    those to beyond the grid.
     """
     rows, columns = free.shape
-    away = _within_columns(free)
+    squares = _squares_within_columns(free)
     found = np.zeros(free.shape, np.float32)
-    at, bounds = np.empty(columns, np.int64), np.empty(columns + 1)
+    padded, least = np.empty(3 * columns, np.int32), np.empty(columns, np.int32)
     for i in range(rows):
-        stop = 0
+        line, stop = free[i], 0
         while stop < columns:
             # A run of free cells and the cells at its ends: nothing beyond those is nearer.
             start = stop
-            while start < columns and not free[i, start]:
+            while start < columns and not line[start]:
                 start += 1
             stop = start
-            while stop < columns and free[i, stop]:
+            while stop < columns and line[stop]:
                 stop += 1
             if start < stop:
                 first, last = max(start - 1, 0), min(stop + 1, columns)
-                _nearest_in_row(away[i], first, last, at, bounds, found[i])
+                _nearest_in_row(squares[i, first:last], padded, least, found[i, first:last])
     return found
 
 
 @kernel(arrays=True)
-def _within_columns(free: np.ndarray) -> np.ndarray:
-    """Return the distance of each cell to the nearest one in its column that is not free (cells).
+def _squares_within_columns(free: np.ndarray) -> np.ndarray:
+    """Return the squared distance of each cell to the nearest in its column that is not free.
 
     It goes row by row, as the cells lie in memory.
     """
     rows, columns = free.shape
-    far = rows + columns
+    far, one, zero = np.int32(rows + columns), np.int32(1), np.int32(0)
     away = np.empty(free.shape, np.int32)
     for j in range(columns):
-        away[0, j] = far if free[0, j] else 0
+        away[0, j] = far if free[0, j] else zero
     for i in range(1, rows):
+        line, here, before = free[i], away[i], away[i - 1]
         for j in range(columns):
-            away[i, j] = min(away[i - 1, j] + 1, far) if free[i, j] else 0
+            # The sum of two int32 is an int64, of which fewer are computed at once.
+            more = min(np.int32(before[j] + one), far)
+            here[j] = more if line[j] else zero
     for i in range(rows - 2, -1, -1):
+        here, before = away[i], away[i + 1]
         for j in range(columns):
-            away[i, j] = min(away[i, j], away[i + 1, j] + 1)
+            here[j] = min(here[j], np.int32(before[j] + one))
+    flat = away.reshape(-1)
+    for k in range(len(flat)):
+        flat[k] *= flat[k]
     return away
 
 
 @kernel()
 def _nearest_in_row(
-    away: np.ndarray, start: int, stop: int, at: np.ndarray, bounds: np.ndarray, found: np.ndarray
+    squares: np.ndarray, padded: np.ndarray, least: np.ndarray, found: np.ndarray
 ) -> None:
-    """Find the distances of some cells of a row by the lower envelope of their parabolas.
+    """Find the distances of successive cells of a row, all of them at once, step by step.
 
     Args:
-        away: Distance of each cell of the row to the nearest one in its column (cells).
-        start: The first of the cells.
-        stop: The end of the cells.
-        at: Scratch buffer: the parabolas of the envelope (columns,).
-        bounds: Scratch buffer: where each of them begins (columns + 1,).
-        found: Output: the distances (columns,).
+        squares: Squared distance of each cell to the nearest one in its column (n,) (cells²).
+        padded: Scratch buffer (3 n,).
+        least: Scratch buffer (n,).
+        found: Output: the distances (n,).
     """
-    count = 0
-    at[0], bounds[0], bounds[1] = start, -np.inf, np.inf
-    for j in range(start + 1, stop):
-        height = away[j] * away[j] + j * j
-        while True:
-            k = at[count]
-            cut = (height - away[k] * away[k] - k * k) / (2.0 * (j - k))
-            if cut > bounds[count]:
-                break
-            count -= 1
-        count += 1
-        at[count], bounds[count], bounds[count + 1] = j, cut, np.inf
-    count = 0
-    for j in range(start, stop):
-        while bounds[count + 1] < j:
-            count += 1
-        k = at[count]
-        found[j] = math.sqrt((j - k) * (j - k) + away[k] * away[k])
+    count = len(squares)
+    inner, beyond = padded[count:], padded[2 * count :]
+    most = np.int32(0)
+    for j in range(count):
+        padded[j] = beyond[j] = _FAR
+        inner[j] = least[j] = squares[j]
+        most = max(most, squares[j])
+    step = 1
+    while step < count and step * step < most:
+        square, left, right = np.int32(step * step), padded[count - step :], padded[count + step :]
+        most = np.int32(0)
+        for j in range(count):
+            nearer = min(least[j], np.int32(min(left[j], right[j]) + square))
+            least[j] = nearer
+            most = max(most, nearer)
+        step += 1
+    for j in range(count):
+        found[j] = math.sqrt(np.float32(least[j]))
 
 
 @kernel(arrays=True)
 def thinned(clearance: np.ndarray) -> np.ndarray:
     """Return the cells of the skeleton (rows, columns)."""
     columns = clearance.shape[1]
-    kept = clearance > 0.0
-    kept[0, :] = kept[-1, :] = False
-    kept[:, 0] = kept[:, -1] = False
-    order = _by_clearance(clearance, kept)
-    flat = kept.reshape(-1)
-    # The neighbours from the east counter-clockwise, as `_ROWS` and `_COLUMNS` count them.
-    up = np.uint64(columns)
-    one, more = np.uint64(1), np.uint64(columns + 1)
-    less = np.uint64(columns - 1)
+    levels = _levels(clearance)
+    order, triples = _by_level(levels), _triples(levels)
+    one, up = np.uint64(1), np.uint64(columns)
+    three, six = np.uint64(3), np.uint64(6)
     # A cell that had to stay may be removed after the cells behind it, so passes are repeated.
     size, left = -1, len(order)
     while left != size:
@@ -200,45 +252,72 @@ def thinned(clearance: np.ndarray) -> np.ndarray:
         for n in range(size):
             cell = order[n]
             k = np.uint64(cell)  # numba looks for negative indices else.
-            bits = (
-                flat[k + one]
-                | flat[k + more] << 1
-                | flat[k + up] << 2
-                | flat[k + less] << 3
-                | flat[k - one] << 4
-                | flat[k - more] << 5
-                | flat[k - up] << 6
-                | flat[k - less] << 7
-            )
-            is_removed = _SIMPLE[bits]
-            if is_removed and _TIP[bits]:
+            bits = triples[k - up] | triples[k] << three | triples[k + up] << six
+            removal = _REMOVAL[bits]
+            is_removed = removal == 1
+            if removal == 2:
                 is_removed = _is_steep(clearance, cell // columns, cell % columns)
             if is_removed:
-                flat[k] = False
+                triples[k - one] &= np.uint8(0b011)
+                triples[k] &= np.uint8(0b101)
+                triples[k + one] &= np.uint8(0b110)
             else:
                 order[left] = cell
                 left += 1
+    kept = np.zeros(clearance.shape, np.bool_)
+    flat = kept.reshape(-1)
+    for n in range(left):
+        flat[order[n]] = True
     return kept
 
 
 @kernel(arrays=True)
-def _by_clearance(clearance: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Return the numbers of the kept cells, the ones nearest to walls first."""
+def _levels(clearance: np.ndarray) -> np.ndarray:
+    """Return the clearance in `_BINS` steps per cell, 0 for walls and the outermost cells."""
     rows, columns = clearance.shape
-    starts = np.zeros(int(clearance.max() * _BINS) + 2, np.int64)
-    for row in range(rows):
-        for column in range(columns):
-            if kept[row, column]:
-                starts[int(clearance[row, column] * _BINS) + 1] += 1
+    levels = np.zeros(clearance.shape, np.int32)
+    for i in range(1, rows - 1):
+        here, away = levels[i, 1:-1], clearance[i, 1:-1]
+        for j in range(columns - 2):
+            here[j] = np.int32(away[j] * np.float32(_BINS))
+    return levels
+
+
+@kernel(arrays=True)
+def _triples(levels: np.ndarray) -> np.ndarray:
+    """Return whether each cell and its neighbours to the west and east are free, as three bits.
+
+    The western one comes first. All cells of all rows are in one row.
+    """
+    triples = np.zeros(levels.size, np.uint8)
+    flat = levels.reshape(-1)
+    west, here, east, inner = flat[:-2], flat[1:-1], flat[2:], triples[1:-1]
+    for k in range(len(inner)):
+        inner[k] = np.uint8(west[k] > 0) | np.uint8(here[k] > 0) << 1 | np.uint8(east[k] > 0) << 2
+    return triples
+
+
+@kernel(arrays=True)
+def _by_level(levels: np.ndarray) -> np.ndarray:
+    """Return the numbers of the cells of a level above 0, those of the lowest level first."""
+    flat = levels.reshape(-1)
+    most = np.int32(0)
+    for k in range(len(flat)):
+        most = max(most, flat[k])
+    cells, count = np.empty(len(flat), np.int32), 0
+    starts = np.zeros(most + 2, np.int64)
+    for k in range(len(flat)):
+        if flat[k]:
+            cells[count] = k
+            count += 1
+            starts[flat[k] + 1] += 1
     for k in range(1, len(starts)):
         starts[k] += starts[k - 1]
-    order = np.empty(starts[-1], np.int64)
-    for row in range(rows):
-        for column in range(columns):
-            if kept[row, column]:
-                k = int(clearance[row, column] * _BINS)
-                order[starts[k]] = row * columns + column
-                starts[k] += 1
+    order = np.empty(count, np.int32)
+    for n in range(count):
+        level = flat[cells[n]]
+        order[starts[level]] = cells[n]
+        starts[level] += 1
     return order
 
 
@@ -246,13 +325,11 @@ def _by_clearance(clearance: np.ndarray, kept: np.ndarray) -> np.ndarray:
 def _is_steep(clearance: np.ndarray, row: int, column: int) -> bool:
     """Return whether the clearance grows fast in some direction."""
     rows, columns = clearance.shape
-    for i in range(max(row - _NEAR, 0), min(row + _NEAR + 1, rows)):
-        for j in range(max(column - _NEAR, 0), min(column + _NEAR + 1, columns)):
-            away = math.sqrt((i - row) ** 2 + (j - column) ** 2)
-            if away < _NEAR - 0.5 or away > _NEAR + 0.5:
-                continue
-            if clearance[i, j] - clearance[row, column] > _SLOPE * away:
-                return True
+    here = clearance[row, column]
+    for n in range(len(_RING)):
+        i, j = row + _RING[n, 0], column + _RING[n, 1]
+        if 0 <= i < rows and 0 <= j < columns and clearance[i, j] - here > _RISE[n]:
+            return True
     return False
 
 
@@ -264,7 +341,7 @@ def trace_branches(
 
     Nodes are cells with one neighbour or with more than two. Neighbouring nodes make no branch.
     """
-    listed = np.argwhere(kept[1:-1, 1:-1]) + 1
+    listed = _cells_of(kept)
     total = len(listed)
     cells = np.empty((4 * total + 8, 2), np.int32)
     ends, nodes = np.empty(2 * total + 2, np.int64), np.zeros((2 * total + 2, 2), np.int32)
@@ -291,6 +368,21 @@ def trace_branches(
     return cells, ends, nodes, count, branches
 
 
+@kernel(arrays=True)
+def _cells_of(kept: np.ndarray) -> np.ndarray:
+    """Return row and column of the kept cells (cells, 2)."""
+    flat, columns = kept.reshape(-1), kept.shape[1]
+    count = 0
+    for k in range(len(flat)):
+        count += flat[k]
+    cells, found = np.empty((count, 2), np.int64), 0
+    for k in range(len(flat)):
+        if flat[k]:
+            cells[found, 0], cells[found, 1] = k // columns, k % columns
+            found += 1
+    return cells
+
+
 @kernel()
 def _leave(
     kept: np.ndarray,
@@ -314,7 +406,7 @@ def _leave(
         return count, branches
     used[row, column] = is_ring
     for n in range(8):
-        i, j = row + _ROWS[n], column + _COLUMNS[n]
+        i, j = row + ROWS[n], column + COLUMNS[n]
         if not kept[i, j] or used[i, j] or degree[i, j] != 2:
             continue
         cells[count, 0], cells[count, 1] = row, column
@@ -358,7 +450,7 @@ def _follow(
         before_i, before_j = cells[count - 2, 0], cells[count - 2, 1]
         next_i = next_j = -1
         for n in (0, 2, 4, 6, 1, 3, 5, 7):
-            a, b = i + _ROWS[n], j + _COLUMNS[n]
+            a, b = i + ROWS[n], j + COLUMNS[n]
             # Two steps of a branch may touch; the one before is not the next.
             is_back = a == before_i and b == before_j
             if kept[a, b] and not is_back and not (degree[a, b] == 2 and used[a, b]):
@@ -374,8 +466,8 @@ def _degree(kept: np.ndarray, row: int, column: int) -> int:
     """Return how many branches leave a cell: the groups of neighbours that touch by their sides."""
     groups = 0
     for n in range(8):
-        here = kept[row + _ROWS[n], column + _COLUMNS[n]]
-        before = kept[row + _ROWS[n - 1], column + _COLUMNS[n - 1]]
+        here = kept[row + ROWS[n], column + COLUMNS[n]]
+        before = kept[row + ROWS[n - 1], column + COLUMNS[n - 1]]
         groups += here and not before
     if groups == 0 and kept[row, column + 1]:
         return 1

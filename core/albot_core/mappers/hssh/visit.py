@@ -61,10 +61,9 @@ def surface_of(
         reach: Largest distance from there (m).
         most: Largest number of points.
     """
-    points = ground.centres(np.argwhere(ground.states == WALL))
-    points = points[np.hypot(*(points - middle).T) <= reach]
+    points = _points_near(ground, WALL, middle, reach)
     step = max(math.ceil(len(points) / max(most, 1)), 1)
-    return np.asarray(points[::step][:most], np.float64)
+    return points[::step][:most]
 
 
 def open_ground_of(
@@ -77,8 +76,18 @@ def open_ground_of(
         middle: The middle of the place (m).
         reach: Largest distance from there (m).
     """
-    step = max(round(SPACING / ground.cell), 1)
-    points = ground.centres(step * np.argwhere(ground.states[::step, ::step] == FREE))
     # The walls beside the outermost points must be within reach.
-    inside = np.hypot(*(points - middle).T) <= reach - SPACING
-    return np.asarray(points[inside], np.float64)
+    step = max(round(SPACING / ground.cell), 1)
+    return _points_near(ground, FREE, middle, reach - SPACING, step)
+
+
+def _points_near(
+    ground: Ground, state: np.int8, middle: Float64[np.ndarray, "2"], reach: float, step: int = 1
+) -> Float64[np.ndarray, "points 2"]:
+    """Return the centres of each `step`th cell of a state within `reach` of a point (m)."""
+    around = (middle - ground.corner)[::-1] / ground.cell
+    first = np.maximum((around - reach / ground.cell).astype(int) // step - 1, 0)
+    end = np.maximum((around + reach / ground.cell).astype(int) // step + 2, 0)
+    states = ground.states[::step, ::step][first[0] : end[0], first[1] : end[1]]
+    points = ground.centres(step * (np.argwhere(states == state) + first))
+    return np.asarray(points[np.hypot(*(points - middle).T) <= reach], np.float64)

@@ -8,11 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from albot_core.mappers.hssh.gateways import FREE, GatewayConfig, Ground, find_gateways
-from albot_core.mappers.hssh.perceptual_map import states_of
+from albot_core.mappers.hssh.gateways import (
+    FREE,
+    WALL,
+    GatewayConfig,
+    Ground,
+    find_gateways,
+    line_across,
+)
+from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap, states_of
 from albot_core.mappers.hssh.region import Region, continuations, region_around
 from albot_core.mappers.hssh.skeleton import distances, sealed, thinned
 from albot_core.mappers.hssh.star import ENDS, Star
+from albot_core.mappers.slam.grid import GridConfig
+from albot_core.mappers.slam.tiles import log_odds_at
 from tests.core.mappers.hssh.floors import (
     BLOCK,
     CORNER,
@@ -21,7 +30,9 @@ from tests.core.mappers.hssh.floors import (
     ROOMS,
     TEE,
     ground_of,
+    walls_of,
 )
+from tests.core.mappers.slam.rooms import reading_from
 
 CONFIG = GatewayConfig()
 
@@ -129,6 +140,23 @@ def test_distances_are_those_of_scipy(seed, share):
     np.testing.assert_allclose(distances(free), expected, atol=1e-4)
 
 
+def test_the_ground_is_that_of_the_grid_around_the_robot():
+    """Over many tiles, and beyond those that are known."""
+    perceived = LocalPerceptualMap(GridConfig(cell=0.1, reach=8.0), half=5.0)
+    pose = np.array((1.3, -0.8, 0.4))
+    perceived.integrate(pose, reading_from(pose, np.zeros(3), walls_of(ROOMS)).laser)
+    ground = perceived.ground(np.array((4.2, 0.9, 0.0)), island=0.0)
+    assert ground.states.shape == (102, 102)
+    columns, rows = np.meshgrid(*(np.arange(102) for _ in range(2)))
+    low = np.rint(ground.corner / 0.1).astype(int)
+    grid = perceived.grid
+    for i, j in zip(rows.ravel(), columns.ravel(), strict=True):
+        odds = log_odds_at(grid.pool.arrays, grid.index, grid.corner, low[1] + i, low[0] + j)
+        is_inside = 0 < i < 101 and 0 < j < 101
+        assert ground.states[i, j] == is_inside * ((odds > 0) * WALL + (odds < 0) * FREE)
+    assert {0, FREE, WALL} == set(ground.states.ravel().tolist())
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.05, 0.6), st.integers(0, 9))
 def test_islands_are_the_small_pieces_of_scipy(seed, share, island):
@@ -157,6 +185,28 @@ def test_a_skeleton_keeps_the_connections_of_the_ground(seed):
     eight = np.ones((3, 3))
     assert ndimage.label(kept, eight)[1] == ndimage.label(free, eight)[1]
     assert ndimage.label(~kept)[1] == ndimage.label(~free)[1]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.02, 0.4))
+def test_a_gateway_runs_between_the_nearest_walls_of_both_sides(seed, share):
+    """Of cells at one distance the first of the grid counts."""
+    rng = np.random.default_rng(seed)
+    states = np.where(rng.random((21, 25)) < share, WALL, FREE).astype(np.int8)
+    states[[0, -1]] = states[:, [0, -1]] = WALL
+    clearance = distances(states == FREE)
+    row, column = np.argwhere(clearance > 0)[rng.integers((clearance > 0).sum())]
+    reach = int(2.0 * clearance[row, column]) + 3
+    to = np.argwhere(states == WALL) - (row, column)
+    to = to[(np.abs(to) <= reach).all(axis=1)]
+    lengths = np.hypot(*to.T)
+    one = to[lengths.argmin()]
+    behind = to[to @ one < -0.5 * lengths * np.hypot(*one)]
+    expected = (-1, -1, -1, -1)
+    if len(behind):
+        other = behind[np.hypot(*behind.T).argmin()]
+        expected = (row + one[0], column + one[1], row + other[0], column + other[1])
+    assert line_across(states, clearance, row, column) == expected
 
 
 def test_the_region_is_the_ground_on_the_robots_side():

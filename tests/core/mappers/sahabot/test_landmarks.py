@@ -105,6 +105,13 @@ def test_the_average_landmark_vector_in_closed_form() -> None:
     np.testing.assert_allclose(home, (0.0, -1.0 / math.sqrt(10.0)), atol=1e-12)
 
 
+def test_the_snapshot_leads_towards_a_landmark_that_looks_too_small() -> None:
+    small, large = np.array([(0.7, 0.1, 4.0)]), np.array([(0.7, 0.2, 2.0)])
+    nearer = home_by_snapshot(small, large).direction
+    assert np.arctan2(nearer[1], nearer[0]) == pytest.approx(0.7)
+    np.testing.assert_allclose(home_by_snapshot(large, small).direction, -nearer)
+
+
 def test_the_distance_is_right_to_first_order() -> None:
     posts = np.array(((3.0, 1.0), (-2.0, 4.0), (-1.0, -5.0), (2.5, -2.0)))
     for place in ((0.05, 0.0), (-0.03, 0.04)):
