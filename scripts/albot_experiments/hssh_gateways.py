@@ -13,8 +13,8 @@ from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import wilson
+from albot_core.mappers.hssh.clearance import distances
 from albot_core.mappers.hssh.gateways import FREE, WALL, GatewayConfig, Ground, find_gateways
-from albot_core.mappers.hssh.skeleton import distances
 from albot_experiments.registry import data_folder
 from albot_experiments.report import Figures, Report, each_seed
 from albot_maps import World, load_world

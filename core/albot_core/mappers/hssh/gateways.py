@@ -17,7 +17,8 @@ from jaxtyping import Float32, Float64, Int8, Int32, Int64
 
 from albot_core.geometry.types import Points, Segments
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.hssh.skeleton import distances, sealed, skeleton_of
+from albot_core.mappers.hssh.clearance import distances, sealed
+from albot_core.mappers.hssh.skeleton import skeleton_of
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 UNKNOWN, FREE, WALL = np.int8(0), np.int8(1), np.int8(2)

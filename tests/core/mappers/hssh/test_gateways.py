@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from albot_core.mappers.hssh.clearance import distances, sealed
 from albot_core.mappers.hssh.gateways import (
     FREE,
     WALL,
@@ -18,7 +19,7 @@ from albot_core.mappers.hssh.gateways import (
 )
 from albot_core.mappers.hssh.perceptual_map import LocalPerceptualMap, states_of
 from albot_core.mappers.hssh.region import Region, continuations, region_around
-from albot_core.mappers.hssh.skeleton import distances, sealed, thinned
+from albot_core.mappers.hssh.skeleton import thinned
 from albot_core.mappers.hssh.star import ENDS, Star
 from albot_core.mappers.slam.grid import GridConfig
 from albot_core.mappers.slam.tiles import log_odds_at
@@ -143,16 +144,16 @@ def test_distances_are_those_of_scipy(seed, share):
 def test_the_ground_is_that_of_the_grid_around_the_robot():
     """Over many tiles, and beyond those that are known."""
     perceived = LocalPerceptualMap(GridConfig(cell=0.1, reach=8.0), half=5.0)
-    pose = np.array((1.3, -0.8, 0.4))
+    pose = np.array((2.0, 1.7, 0.4))
     perceived.integrate(pose, reading_from(pose, np.zeros(3), walls_of(ROOMS)).laser)
-    ground = perceived.ground(np.array((4.2, 0.9, 0.0)), island=0.0)
-    assert ground.states.shape == (102, 102)
-    columns, rows = np.meshgrid(*(np.arange(102) for _ in range(2)))
+    ground = perceived.ground(np.array((6.25, 6.15, 0.0)), island=0.0)
+    assert ground.states.shape == (103, 103)
+    columns, rows = np.meshgrid(*(np.arange(103) for _ in range(2)))
     low = np.rint(ground.corner / 0.1).astype(int)
     grid = perceived.grid
     for i, j in zip(rows.ravel(), columns.ravel(), strict=True):
         odds = log_odds_at(grid.pool.arrays, grid.index, grid.corner, low[1] + i, low[0] + j)
-        is_inside = 0 < i < 101 and 0 < j < 101
+        is_inside = 0 < i < 102 and 0 < j < 102
         assert ground.states[i, j] == is_inside * ((odds > 0) * WALL + (odds < 0) * FREE)
     assert {0, FREE, WALL} == set(ground.states.ravel().tolist())
 
