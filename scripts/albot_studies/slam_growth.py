@@ -39,6 +39,7 @@ TIMED: tuple[tuple[str, dict[str, object]], ...] = (
     ("graph-slam, no loop closed", {"closures": {"behind": 1_000_000}}),
     ("gmapping", {}),
     ("grid-slam", {}),
+    ("fastslam", {}),
     ("dp-slam", {}),
     ("karto", {}),
 )

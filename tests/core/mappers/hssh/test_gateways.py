@@ -210,6 +210,20 @@ def test_a_gateway_runs_between_the_nearest_walls_of_both_sides(seed, share):
     assert line_across(states, clearance, row, column) == expected
 
 
+def test_a_skeleton_has_no_arms_into_the_corners_of_a_room():
+    clearance = distances(ground_of(((0, 0, 8, 4),)).states == FREE)
+    kept = thinned(clearance)
+    assert clearance[kept].min() > 0.8 * clearance.max()
+
+
+def test_a_narrow_with_the_place_on_both_sides_is_no_gateway():
+    """Between a pillar and the wall; round the other side the room is wide."""
+    room = ((0, 0, 4.9, 10), (5.1, 0, 10, 10), (4.9, 0, 5.1, 1), (4.9, 3, 5.1, 10))
+    ground = ground_of(room)
+    assert len(find_gateways(ground, CONFIG).gateways) > 0
+    assert not len(seen_from(ground, 1, 5).gateways)
+
+
 def test_the_region_is_the_ground_on_the_robots_side():
     ground = ground_of(ROOMS)
     region = seen_from(ground, 1, 1)

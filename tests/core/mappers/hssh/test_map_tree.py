@@ -364,3 +364,16 @@ def test_the_correct_map_is_never_pruned(data):
     twin = MapTree.replayed(seen[0], few, [each.visits for each in tree.maps])
     for one, other in zip(tree.maps, twin.maps, strict=True):
         assert (one.stars, one.joined, one.paths) == (other.stars, other.joined, other.paths)
+
+
+def test_the_preferred_maps_have_the_fewest_paths_and_then_the_fewest_places():
+    """On the floor of the experiment, on which planarity prunes maps, and leaves one minimal."""
+    star, travels = experience()
+    free, planar = grown(star, travels, planar=False), grown(star, travels, planar=True)
+    ranks = [(leaf.paths, leaf.places) for leaf in free.maps]
+    assert ranks == sorted(ranks)
+    assert [leaf.rank for leaf in free.minimal] == [ranks[0]] * ranks.count(ranks[0])
+    assert [leaf.visits for leaf in planar.maps] == [
+        leaf.visits for leaf in free.maps if leaf.visits in {each.visits for each in planar.maps}
+    ]
+    assert 1 == len(planar.minimal) < len(free.minimal)

@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.mappers.hssh.alignment import align, rigid_fit
 from albot_core.mappers.hssh.config import HsshConfig, PlaceConfig
+from albot_core.mappers.hssh.layout import frames_of, gateways_of
+from albot_core.mappers.hssh.topological_map import TopologicalMap
+from albot_core.mappers.hssh.topological_map import Visit as Numbered
 from albot_core.mappers.hssh.visit import Visit
 from albot_core.mappers.hssh.visits import Visits
 
@@ -124,3 +127,18 @@ def test_a_wall_on_free_ground_contradicts_and_one_on_unknown_ground_does_not():
     found = align(later, visit()._replace(open_ground=more[:4].copy()), BOTH, 0.2)
     count = 2 * len(WALLS) + 4
     assert (found.overlap, found.evidence) == (pytest.approx(1 - 4 / count), count)
+
+
+def test_a_later_visit_is_laid_on_the_first_one():
+    """The odometry has drifted by an offset, which the layout takes back."""
+    offset = (0.4, -0.3)
+    visits = Visits(HsshConfig())
+    visits.begin(visit())
+    visits.begin(visit(50.0, offset=offset))
+    star = visits.star(0)
+    leaf = TopologicalMap(
+        (0,), (star,), (((0, 1), (0, 0)),), (Numbered(0, (0, 1)), Numbered(0, (0, 1))), star.paths
+    )
+    frames = frames_of(visits, leaf)
+    np.testing.assert_allclose(frames, ((0, 0, 0), (-offset[0], -offset[1], 0)), atol=1e-6)
+    np.testing.assert_allclose(gateways_of(visits, leaf, frames)[0], DOORS)
