@@ -39,7 +39,6 @@ TIMED: tuple[tuple[str, dict[str, object]], ...] = (
     ("graph-slam, no loop closed", {"closures": {"behind": 1_000_000}}),
     ("gmapping", {}),
     ("grid-slam", {}),
-    ("fastslam", {}),
     ("dp-slam", {}),
     ("karto", {}),
 )
