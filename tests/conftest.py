@@ -14,6 +14,9 @@ import pytest
 
 from tests.checking import checked
 
+gc.disable()  # Until all is loaded: it would visit again and again what only grows.
+# What a process of a test has made of our source is there for the next one, as compiled code is.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 ROOT = Path(__file__).parents[1]
 SOURCES = {
     "albot_core": ROOT / "core",
@@ -45,6 +48,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What is loaded stays to the end, so the garbage collector need not visit it each time."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)
