@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import gc
 import os
+
+# Processes of tests share the processors. Threads of OpenMP, as PyTorch's and numpy's, would wait
+# for one another at full load: a training of a second took ten.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+# What a process of a test has made of our source is there for the next one, as compiled code is.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,8 +22,6 @@ import pytest
 from tests.checking import checked
 
 gc.disable()  # Until all is loaded: it would visit again and again what only grows.
-# What a process of a test has made of our source is there for the next one, as compiled code is.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 ROOT = Path(__file__).parents[1]
 SOURCES = {
     "albot_core": ROOT / "core",
