@@ -42,12 +42,21 @@ FIRST = (
 )
 """What compiles longest: mapper and panoramas on the one side, simulator and tasks on the other.
 Two processes that begin with these in turn compile half each, and load the other's half."""
+FILL = ("maps", "reliability", "stress", "studies")
+"""Folders of many short tests. They come last, behind the files beside this one, some of which take
+a minute: in the end no process waits long for the other."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What compiles comes first."""
-    places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
-    items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+    """What compiles comes first, and what is short comes last."""
+    folder = Path(__file__).parent
+    places = {folder / name: place for place, name in enumerate(FIRST)}
+
+    def place(item: pytest.Item) -> int:
+        parts = item.path.relative_to(folder).parts
+        return places.get(item.path, len(FIRST) + (parts[0] in FILL))
+
+    items.sort(key=place)
 
 
 def pytest_collection_finish() -> None:
