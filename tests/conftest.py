@@ -61,7 +61,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """What is loaded stays to the end, so the garbage collector need not visit it each time."""
+    from albot_core.garbage import collect_rarely  # Behind the hook.
+
     gc.freeze()
+    collect_rarely()
     gc.enable()
 
 
