@@ -10,7 +10,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import sys
 import types
+import typing
 from abc import ABCMeta
 from collections.abc import Callable
 from enum import EnumType
@@ -121,6 +123,29 @@ def is_told_by_kind(hint: Any) -> bool:
         return True
     # Of protocols a type's instances may differ.
     return isinstance(hint, type) and origin is None and type(hint) in (type, ABCMeta, EnumType)
+
+
+@functools.cache
+def _has_all(protocol: Any, of: Any) -> bool:
+    """Whether a type has all members of a protocol, whatever its instances have besides."""
+    names = typing._get_protocol_attrs(protocol)  # type: ignore[attr-defined]
+    found = {name: value for each in reversed(of.__mro__) for name, value in vars(each).items()}
+    return all(found.get(name) is not None for name in names)
+
+
+def _is_instance(protocol: Any, instance: Any) -> bool:
+    """Whether an object is of a protocol; as Python 3.12 sees it, none of its properties is read.
+
+    Python 3.11 works them all out at each check: snapshots of maps, for one.
+    """
+    by_type = protocol._is_protocol and protocol._is_runtime_protocol
+    return (by_type and _has_all(protocol, type(instance))) or _IS_INSTANCE(protocol, instance)
+
+
+_PROTOCOLS: Any = type(typing.Protocol)
+_IS_INSTANCE = _PROTOCOLS.__instancecheck__
+if sys.version_info < (3, 12):
+    _PROTOCOLS.__instancecheck__ = _is_instance
 
 
 def _resolved(annotation: Any, names: dict[str, Any]) -> Any:

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import gc
 import os
+
+# Processes of tests share the processors. Threads of OpenMP, as PyTorch's and numpy's, would wait
+# for one another at full load: a training of a second took ten.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+# What a process of a test has made of our source is there for the next one, as compiled code is.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +21,7 @@ import pytest
 
 from tests.checking import checked
 
+gc.disable()  # Until all is loaded: it would visit again and again what only grows.
 ROOT = Path(__file__).parents[1]
 SOURCES = {
     "albot_core": ROOT / "core",
@@ -34,17 +42,30 @@ FIRST = (
 )
 """What compiles longest: mapper and panoramas on the one side, simulator and tasks on the other.
 Two processes that begin with these in turn compile half each, and load the other's half."""
+FILL = ("maps", "reliability", "stress", "studies")
+"""Folders of many short tests. They come last, behind the files beside this one, some of which take
+a minute: in the end no process waits long for the other."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What compiles comes first."""
-    places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
-    items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+    """What compiles comes first, and what is short comes last."""
+    folder = Path(__file__).parent
+    places = {folder / name: place for place, name in enumerate(FIRST)}
+
+    def place(item: pytest.Item) -> int:
+        parts = item.path.relative_to(folder).parts
+        return places.get(item.path, len(FIRST) + (parts[0] in FILL))
+
+    items.sort(key=place)
 
 
 def pytest_collection_finish() -> None:
     """What is loaded stays to the end, so the garbage collector need not visit it each time."""
+    from albot_core.garbage import collect_rarely  # Behind the hook.
+
     gc.freeze()
+    collect_rarely()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

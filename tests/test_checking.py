@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import pytest
@@ -94,10 +94,33 @@ def test_where_values_decide_every_call_is_checked() -> None:
         chosen("third", np.ones(2))
 
 
+@runtime_checkable
 class Named(Protocol):
     """What a type's instances have or lack."""
 
     name: str
+
+    def call(self) -> None: ...
+
+
+def test_members_of_a_protocol_are_looked_for_and_not_worked_out() -> None:
+    class Costly:
+        call = print
+
+        @property
+        def name(self) -> str:
+            raise RuntimeError("worked out")
+
+    class Own:
+        call = print
+
+    own = Own()
+    assert isinstance(Costly(), Named)
+    assert not isinstance(own, Named)
+    own.name = "a"  # type: ignore[attr-defined]
+    assert isinstance(own, Named)
+    assert not isinstance(type("Silent", (Own,), {"name": "a", "call": None})(), Named)
+    assert not isinstance(1, Named)
 
 
 @pytest.mark.parametrize(

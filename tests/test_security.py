@@ -8,7 +8,9 @@ import re
 import signal
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -29,10 +31,23 @@ CHECKS_AN_ADDRESS = "agents/albot_agents/engine/ray_cluster.py"
 """The only module with a socket: it looks whether anything answers where a cluster should be."""
 
 
-def trees() -> Iterator[tuple[str, ast.Module]]:
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+class Module(NamedTuple):
+    """What a module of ours imports and calls."""
+
+    path: str
+    imported: set[str]
+    calls: list[tuple[str, dict[str, str]]]
+
+
+@cache
+def modules() -> list[Module]:
+    """All our modules, read once."""
+    paths = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    return [
+        Module(path.relative_to(ROOT).as_posix(), imported(tree), list(calls(tree)))
+        for path, tree in trees.items()
+    ]
 
 
 def imported(tree: ast.Module) -> set[str]:
@@ -55,9 +70,9 @@ def calls(tree: ast.Module) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def test_nothing_unpickles() -> None:
-    for path, tree in trees():
-        assert not imported(tree) & UNPICKLING, path
-        for name, named in calls(tree):
+    for path, names, called in modules():
+        assert not names & UNPICKLING, path
+        for name, named in called:
             assert named.get("allow_pickle", "False") == "False", path
             assert name not in ("torch.load", "np.fromfile"), path
             if name == "np.load":
@@ -65,16 +80,16 @@ def test_nothing_unpickles() -> None:
 
 
 def test_nothing_runs_text_as_code() -> None:
-    for path, tree in trees():
-        for name, _ in calls(tree):
+    for path, _, called in modules():
+        for name, _ in called:
             assert name not in ("eval", "exec", "compile", "__import__", "os.system"), path
             assert name not in ("yaml.load", "yaml.unsafe_load", "yaml.full_load"), path
 
 
 def test_nothing_opens_a_connection() -> None:
-    for path, tree in trees():
-        assert not imported(tree) & CONNECTING, path
-        assert ("socket" in imported(tree)) == (path == CHECKS_AN_ADDRESS), path
+    for path, names, _ in modules():
+        assert not names & CONNECTING, path
+        assert ("socket" in names) == (path == CHECKS_AN_ADDRESS), path
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux tells who listens")

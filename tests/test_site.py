@@ -40,7 +40,7 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s#]+)")
 @pytest.mark.parametrize(
     ("source", "address", "link", "expected"),
     [
-        ("docs/learning.md", "learning.md", "../agents/albot_agents/agent.py#Agent",
+        ("docs/agents.md", "agents.md", "../agents/albot_agents/agent.py#Agent",
          "reference/api/albot_agents.agent.md#Agent"),
         ("docs/guides/agent.md", "guides/agent.md", "../../CONTRIBUTING.md",
          "../develop/contributing.md"),

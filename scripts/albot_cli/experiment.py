@@ -48,7 +48,6 @@ STUDIES = {
     "fault-survival": "Count the mappers that survive faults on purpose: docs/reliability.md.",
     "homing-distances": "Measure homing after journeys of 10 to 160 m: docs/homing_distances.md.",
     "kidnapped-robots": "Count the kidnapped robots that notice it.",
-    "learning-curves": "Measure how networks learn the tasks: docs/learning.md.",
     "lost-evidence": "Fit the weights of hypotheses of where a kidnapped robot is.",
     "map-patches": "Draw the map that agents observe beside the mapper's map.",
     "odometer-resets": "Put resets of the odometer into logs, and map them.",

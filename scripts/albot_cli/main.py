@@ -28,7 +28,9 @@ def main() -> None:
         sys.stdout = sys.stdout or nowhere
         sys.stderr = sys.stderr or nowhere
         from albot_cli.group import albot
+        from albot_core.garbage import collect_rarely
 
+        collect_rarely()
         exit_status(albot)
 
 

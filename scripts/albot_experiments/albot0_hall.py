@@ -227,10 +227,6 @@ def _report(
         verdicts=verdicts,
         conditions={
             **SONAR_CONDITIONS,
-            "sensors": (
-                "eight sonars of about 4 m",
-                "eight sonars of 4 m, with specular loss and cross-talk",
-            ),
             "environment": ("an office with a room of 9 x 15 m", f"`{WORLD}`, with such a room"),
             "trials": (
                 "two journeys",

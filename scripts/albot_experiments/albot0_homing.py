@@ -21,7 +21,14 @@ from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator
 from albot_env.sim.sonar import SONARS
-from albot_experiments.albot0_runs import BORDER, CUES, MAPPERS, SONAR_CONDITIONS, Tracked
+from albot_experiments.albot0_runs import (
+    BORDER,
+    BOTH_SONARS,
+    CUES,
+    MAPPERS,
+    SONAR_CONDITIONS,
+    Tracked,
+)
 from albot_experiments.report import Figures, Report, each_seed
 from albot_maps import World, load_world
 
@@ -282,6 +289,7 @@ def _report(seeds: range, trials: Mapping[str, list[Trials]]) -> Report:
         verdicts=verdicts,
         conditions={
             **SONAR_CONDITIONS,
+            "sensors": BOTH_SONARS,
             "robot": ("Pioneer 3 by sonar, until an obstacle", "simulated Pioneer 3, the same"),
             "environment": (
                 "an office with a room of 9 x 15 m",

@@ -144,10 +144,6 @@ def _report(seeds: range, outcomes: Mapping[tuple[str, str], Sequence[Outcome]])
         verdicts=verdicts,
         conditions={
             **SONAR_CONDITIONS,
-            "sensors": (
-                "eight sonars of about 4 m",
-                "eight sonars of 4 m, with specular loss and cross-talk",
-            ),
             "environment": (
                 "an office with a room of 9 x 15 m",
                 "`office-hall`, `office-ring`, random offices",

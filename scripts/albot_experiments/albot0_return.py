@@ -9,7 +9,14 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from albot_env.sim.sonar import SONARS
-from albot_experiments.albot0_runs import BORDER, MAPPERS, SONAR_CONDITIONS, Stop, Tracked
+from albot_experiments.albot0_runs import (
+    BORDER,
+    BOTH_SONARS,
+    MAPPERS,
+    SONAR_CONDITIONS,
+    Stop,
+    Tracked,
+)
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import TourRecord, driven_tour
 from albot_maps import Room, World, load_world
@@ -198,6 +205,7 @@ def _report(seeds: range, outcomes: Mapping[str, Mapping[str, Sequence[Outcome]]
         verdicts=verdicts,
         conditions={
             **SONAR_CONDITIONS,
+            "sensors": BOTH_SONARS,
             "environment": (
                 "an office with a room of 9 x 15 m",
                 f"`{BUILDING}`, and random offices of twelve rooms",

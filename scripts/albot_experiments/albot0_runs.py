@@ -32,12 +32,17 @@ MAPPERS: Mapping[str, str] = {"albot0-paper": "paper", "albot0": "default"}
 """The mappers that are judged, the letter first, each with the name of its own cues in `CUES`."""
 SONAR_CONDITIONS: Mapping[str, tuple[str, str]] = {
     "robot": ("Pioneer 3 by sonar, until an obstacle", "simulated Pioneer 3, led along waypoints"),
-    "sensors": ("eight sonars of about 4 m", "eight sonars of 4 m, with and without specular loss"),
+    "sensors": (
+        "eight sonars of about 4 m",
+        "eight sonars of 4 m, with specular loss and cross-talk",
+    ),
     "odometer": ("the Pioneer's, not corrected", "`pioneer`: systematic and random errors"),
     "speed": ("not told", "0.5 m/s"),
     "stops": ("at obstacles", "at turns of 20°, and after 3 m"),
 }
 """The paper's conditions and ours that are the same in its experiments."""
+BOTH_SONARS = "eight sonars of about 4 m", "eight sonars of 4 m, with and without specular loss"
+"""The sensors in the experiments that are run with ideal sonars, too."""
 BORDER = 1.0
 """The robot is at a border if the other ASR is at most this much farther away (m)."""
 

@@ -199,10 +199,6 @@ def report(floor: World, runs: Mapping[str, Sequence[Run]], seeds: range) -> Rep
         verdicts=verdicts,
         conditions={
             **SONAR_CONDITIONS,
-            "sensors": (
-                "eight sonars of about 4 m",
-                "eight sonars of 4 m, with specular loss and cross-talk",
-            ),
             "environment": (
                 "an office floor, in a picture that is not in the text",
                 "seven spaces: four rooms and the three corridors between them",

@@ -15,6 +15,7 @@ from albot_env.tasks.probe.task import PROBES
 from albot_experiments import probes
 from albot_experiments.registry import EXPERIMENTS
 from albot_experiments.report import Report
+from tests.inline_engine import InlineEngine
 
 DETOUR, RECTANGLE = "Albot/Probe-Detour-v0", "Albot/Probe-Rectangle-v0"
 POOL = "Albot/Probe-HiddenGoal-v0"
@@ -62,7 +63,7 @@ def test_the_whole_interval_must_lie_above_chance(right: int, verdict: bool) -> 
 
 @pytest.fixture(scope="module")
 def detour() -> Report:
-    return probes.run(DETOUR, range(3, 6), agent="albot1-homing")
+    return probes.run(DETOUR, range(3, 6), agent="albot1-homing", engine=InlineEngine())
 
 
 def test_albot1_finds_the_detour_and_the_report_says_so(detour: Report, tmp_path: Path) -> None:
@@ -78,7 +79,9 @@ def test_albot1_finds_the_detour_and_the_report_says_so(detour: Report, tmp_path
 
 
 def test_an_agent_that_knows_nothing_does_not_reach_it() -> None:
-    report = probes.run(RECTANGLE, range(3, 9), agent="random", mapper="none")
+    report = probes.run(
+        RECTANGLE, range(3, 9), agent="random", mapper="none", engine=InlineEngine()
+    )
     assert not report.holds
     assert report.verdicts == {"oracle": True, "random": False}
 

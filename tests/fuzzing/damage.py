@@ -272,7 +272,7 @@ def _rewrite_archive(draw: Draw, content: bytes) -> bytes:
             np.save(stream, damage_array(draw, array), allow_pickle=False)
             members[name] = stream.getvalue()
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for member, data in members.items():
             archive.writestr(member, data)
     return packed.getvalue()

@@ -34,6 +34,7 @@ from albot_agents.engine.engine import (
     judge,
 )
 from albot_core.files import scratch_folder
+from albot_core.garbage import collect_rarely
 from albot_core.interrupts import INTERRUPTS, interrupts_deferred
 
 CONTEXT = get_context("spawn")
@@ -121,12 +122,14 @@ class _Worker(Generic[Task, Result]):
         self._work, self._scratch = work, scratch
         self.link, other = CONTEXT.Pipe()
         self._step = CONTEXT.RawValue("q", 0)
-        arguments = (work, scratch, other, self._step)
+        arguments = (scratch, other, self._step)
         self._process = CONTEXT.Process(target=_serve, args=arguments, daemon=True)
         with interrupts_blocked():
             self._process.start()
         other.close()  # The process has its own end; when it dies, the link breaks.
+        self._attempt = first
         with suppress(ConnectionError):  # `receive` then finds that it has died.
+            self.link.send(work)
             self._send(first)
 
     @property
@@ -183,20 +186,28 @@ def _ending(status: int) -> str:
     return f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
 
 
-def _serve(work: Work[Any, Any], scratch: str, link: Connection, step: Any) -> None:
-    """Run, in the worker process, the tasks that arrive through the link until it closes."""
+def _serve(scratch: str, link: Connection, step: Any) -> None:
+    """Run, in the worker process, the tasks that arrive through the link until it closes.
+
+    First arrives what runs them, and with it all modules that it needs.
+    """
+    collect_rarely()
     tempfile.tempdir = scratch
     threading.Thread(target=_die_with_parent, args=(scratch,), daemon=True).start()
 
     def on_step(number: int) -> None:
         step.value = number
 
+    work: Work[Any, Any] | None = None
     while True:
         try:
-            task = link.recv()
+            received = link.recv()
         except EOFError:
             return
-        link.send(attempt(work, task, on_step))
+        if work is None:
+            work = received
+        else:
+            link.send(attempt(work, received, on_step))
 
 
 def _die_with_parent(scratch: str) -> None:

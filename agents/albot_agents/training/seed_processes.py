@@ -14,6 +14,7 @@ from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run_files import RunFolder
 from albot_agents.training.seed_folder import SeedRun
 from albot_core.errors import InputError
+from albot_core.garbage import collect_rarely
 from albot_core.interrupts import interrupts_deferred
 
 ProgressReport = Callable[[int, str], None]
@@ -151,6 +152,7 @@ def _train(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
 
     It sends the samples so far with the state of the training, warnings as text, and an InputError.
     """
+    collect_rarely()
     from albot_agents.training.run import TrainingRun  # Slow to load: PyTorch.
 
     def send(message: Any) -> None:

@@ -7,7 +7,9 @@ import inspect
 import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypedDict, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -190,9 +192,16 @@ def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
     return config
 
 
+@cache
+def _field_hints(kind: Any) -> Mapping[str, Any]:
+    """Return the types of a configuration's fields, by name; they are worked out once a class."""
+    return MappingProxyType(get_type_hints(kind))
+
+
 def _check_nested(config: Any) -> None:
     """Raise InputError if a configuration within another one is of another class."""
-    hints = get_type_hints(type(config))
+    kind: Any = type(config)
+    hints = _field_hints(kind)
     for each in dataclasses.fields(config):
         hint, value = hints[each.name], getattr(config, each.name)
         kinds = get_args(hint) or (hint,)
