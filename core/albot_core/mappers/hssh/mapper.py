@@ -55,7 +55,6 @@ class Hssh(StoredMapper):
     config: HsshConfig
     SCHEMA = Schema(
         Field("pose", "3"),
-        Field("since", "3"),
         Field("poses", "readings 3"),
         Field("way", "", least=0),
         Field("searched", "", least=0),
@@ -88,7 +87,6 @@ class Hssh(StoredMapper):
         self._visits.clear()
         self._log.clear()
         self._pose = np.zeros(3)  # In the frame of the odometry, which scan matching corrects.
-        self._since = np.zeros(3)  # The odometry since the latest kept scan.
         self._poses: list[Pose] = []  # At each reading, in the frame of the odometry.
         self._way = self._searched = 0.0  # Distance driven, in all and until the latest search.
         self._updates = self._version = self._misses = 0
