@@ -139,8 +139,9 @@ class _Clock:
         steps, seconds = done - self._start, time.monotonic() - self._began
         if steps <= 0 or seconds <= 0:
             return []
-        share = steps / (self.total - self._start) if share is None else share
-        left = timedelta(seconds=round(seconds * (1 - share) / share))
+        # A training ends with its last rollout, which may go beyond the total.
+        ahead = max(self.total - done, 0) / steps if share is None else (1 - share) / share
+        left = timedelta(seconds=round(seconds * ahead))
         rate = steps / seconds
         figure = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
         return [f"{figure} {self.unit}/s", f"{left} left"]

@@ -69,6 +69,16 @@ def test_what_has_not_begun_has_no_rate_and_what_is_slow_has_one(
     ]
 
 
+@pytest.mark.parametrize("start", [0, 100])
+def test_no_time_is_left_when_more_is_done_than_asked_for(
+    start: int, clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress("train", 100, "samples", every=0.0, start=start) as update:
+        clock[0] += 10.0
+        update(150)
+    assert capsys.readouterr().err.endswith(" samples/s, 0:00:00 left\n")
+
+
 def test_who_wants_quiet_has_it(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
     with progress("train", 10, "samples", every=math.inf) as update:
         clock[0] += 1e9
