@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
+import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from albot_agents.trained.agent_file import read_agent
+from albot_agents.training import curriculum
 from albot_agents.training.checkpoint import checkpoints
 from albot_agents.training.curriculum import Curriculum
 from albot_agents.training.run import TrainingRun
@@ -66,12 +70,21 @@ def test_a_stage_goes_on_where_it_was(tmp_path: Path) -> None:
         assert max(lengths, default=0) == {64: 0, 80: 2, 96: 3}[samples]
 
 
-def test_time_and_episodes_are_those_since_the_beginning(trained: Trained, tmp_path: Path) -> None:
+def test_time_and_episodes_are_those_since_the_beginning(
+    trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock goes on by a second whenever it is looked at."""
+    ticks = itertools.count(1000.0)
+    clock = SimpleNamespace(monotonic=lambda: next(ticks), perf_counter=time.perf_counter)
+    monkeypatch.setattr(curriculum, "time", clock)
     folder = _copy(trained[0], tmp_path / "again")
     before = read_agent(folder.last).training
     result = TrainingRun(folder, folder.resume(None, n_timesteps=80)).run()
     after = read_agent(folder.last).training
-    assert before.seconds < after.seconds < before.seconds + result["seconds"] + 0.1
+    assert result["seconds"] >= 1.0
+    # Whole ticks since the time that was told before.
+    assert result["seconds"] == pytest.approx(round(result["seconds"]), abs=1e-6)
+    assert before.seconds + 1.0 <= after.seconds <= before.seconds + result["seconds"] + 0.1
     assert after.episodes == result["episodes"] > before.episodes
     assert result["samples_per_second"] == pytest.approx(16 / result["seconds"])
 
