@@ -144,7 +144,7 @@ class _Eye:
         deviation = math.hypot(self._compass.noise, self._compass.drift)
         shown = heading + float(self._rng.normal(0.0, deviation)) if has_compass else 0.0
         panorama = np.full(DIRECTIONS, UNSEEN)
-        look(panorama, shown, beams_of(self._laser.geometry), ranges)
+        look(panorama, np.zeros(DIRECTIONS), shown, beams_of(self._laser.geometry), ranges)
         return find_landmarks(panorama, SectorConfig())
 
 

@@ -66,6 +66,7 @@ class Sahabot(StoredMapper):
             Field("is_back", "", bool),
         ),
         Field("panorama", f"{DIRECTIONS}", least=UNSEEN, finite=False),
+        Field("offsets", f"{DIRECTIONS}"),
         Field("nest", f"{DIRECTIONS}", least=UNSEEN, finite=False),
         parts=("_heading",),
     )
@@ -73,7 +74,7 @@ class Sahabot(StoredMapper):
     def __init__(self, config: SahabotConfig | None = None, name: str = "sahabot") -> None:
         config = config or SahabotConfig()
         self._heading = CompassHeading(config.stuck, uses_compass=config.heading == "compass")
-        self._carried = np.empty(DIRECTIONS)
+        self._carried, self._carried_offsets = np.empty((2, DIRECTIONS))
         super().__init__(config, name)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -83,6 +84,7 @@ class Sahabot(StoredMapper):
         self._readings = self._updates = 0
         self._is_away = self._is_back = False
         self._panorama: Panorama = np.full(DIRECTIONS, UNSEEN)
+        self._offsets = np.zeros(DIRECTIONS)
         self._nest: Panorama = np.full(DIRECTIONS, UNSEEN)
         self._homing: Homing | None = None
         self._heading.begin(0.0)
@@ -117,7 +119,8 @@ class Sahabot(StoredMapper):
         else:
             self._integrate(reading.motion, shown, laser)
         self._readings += 1
-        look(self._panorama, self._heading.heading, beams_of(laser.geometry), laser.ranges)
+        beams = beams_of(laser.geometry)
+        look(self._panorama, self._offsets, self._heading.heading, beams, laser.ranges)
         is_new = self._learn(laser)
         self._homing = self._see_nest()
         self._arrive()
@@ -142,8 +145,10 @@ class Sahabot(StoredMapper):
         self._since_nest += math.hypot(*step)
         self._heading.update(float(motion[2]), shown)
         x, y = step + _turned(self._heading.heading, mount) - at
-        carry_along(self._panorama, float(x), float(y), self._carried)
-        self._panorama, self._carried = self._carried, self._panorama
+        carried, offsets = self._carried, self._carried_offsets
+        carry_along(self._panorama, self._offsets, float(x), float(y), carried, offsets)
+        self._panorama, self._carried = carried, self._panorama
+        self._offsets, self._carried_offsets = offsets, self._offsets
 
     def _learn(self, laser: LaserScan) -> bool:
         """Add to the snapshot what is seen near the nest before the robot goes away."""

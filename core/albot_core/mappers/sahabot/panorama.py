@@ -45,34 +45,77 @@ def beams_of(laser: LaserGeometry) -> Beams:
 
 
 @kernel(nogil=True)
-def carry_along(panorama: np.ndarray, x: float, y: float, carried: np.ndarray) -> None:
+def carry_along(
+    panorama: np.ndarray,
+    offsets: np.ndarray,
+    x: float,
+    y: float,
+    carried: np.ndarray,
+    carried_offsets: np.ndarray,
+) -> None:
     """Fill `carried` with a panorama as it is seen from a place x, y (m) farther on.
 
-    A direction in which no point lies then keeps its range, shortened by the way in that direction.
+    A point keeps its exact bearing, so it moves on by many small steps as by one large one. A
+    direction from which all points went shows the farther of its neighbours: what a nearer thing no
+    longer hides is taken for more of what is seen beside it. Beside what was not looked at, it is
+    unseen. Directions that were unseen, or in which nothing came back, stay so until a point comes.
+
+    Args:
+        panorama: (DIRECTIONS,) float64: the ranges (m).
+        offsets: (DIRECTIONS,) float64: how far the point seen in each direction is beside it (rad).
+        x: How far the robot moved in the start's heading (m).
+        y: How far it moved to the left of it (m).
+        carried: (DIRECTIONS,) float64: the ranges then (m); written over.
+        carried_offsets: (DIRECTIONS,) float64: the offsets then (rad); written over.
     """
     count = panorama.shape[0]
     for k in range(count):
         carried[k] = np.nan
+        carried_offsets[k] = 0.0
     for k in range(count):
         if 0.0 <= panorama[k] < np.inf:
-            away = panorama[k] * math.cos(k * _SPACING) - x
-            aside = panorama[k] * math.sin(k * _SPACING) - y
-            at = round(math.atan2(aside, away) / _SPACING) % count
+            bearing = k * _SPACING + offsets[k]
+            away = panorama[k] * math.cos(bearing) - x
+            aside = panorama[k] * math.sin(bearing) - y
+            bearing = math.atan2(aside, away)
+            nearest = round(bearing / _SPACING)
             distance = math.sqrt(away * away + aside * aside)
+            at = nearest % count
             if not carried[at] <= distance:  # Also where nothing is yet.
                 carried[at] = distance
+                carried_offsets[at] = bearing - nearest * _SPACING
+    _fill_left(panorama, carried)
+
+
+@kernel()
+def _fill_left(panorama: np.ndarray, carried: np.ndarray) -> None:
+    """Fill the directions of `carried` into which no point came, which are NaN."""
+    count = panorama.shape[0]
+    for k in range(count):
+        if math.isnan(carried[k]) and not 0.0 <= panorama[k] < np.inf:
+            carried[k] = panorama[k]
     for k in range(count):
         if math.isnan(carried[k]):
-            shorter = panorama[k] - x * math.cos(k * _SPACING) - y * math.sin(k * _SPACING)
-            carried[k] = UNSEEN if panorama[k] == UNSEEN else max(shorter, 0.0)
+            after = k + 1
+            while math.isnan(carried[after % count]):
+                after += 1
+            before = k - 1
+            while math.isnan(carried[before]):
+                before -= 1
+            one, other = carried[before], carried[after % count]
+            carried[k] = UNSEEN if UNSEEN in (one, other) else max(one, other)
 
 
 @kernel(nogil=True)
-def look(panorama: np.ndarray, heading: float, beams: Beams, ranges: np.ndarray) -> None:
+def look(
+    panorama: np.ndarray, offsets: np.ndarray, heading: float, beams: Beams, ranges: np.ndarray
+) -> None:
     """Write a scan over those directions of a panorama in which it looks.
 
     Args:
         panorama: (DIRECTIONS,) float64: the ranges (m); written over.
+        offsets: (DIRECTIONS,) float64: those of its points (rad), as for `carry_along`; written
+            over.
         heading: The robot's heading since the start (rad).
         beams: The laser's beams.
         ranges: (beams,) float64: their ranges (m).
@@ -86,6 +129,7 @@ def look(panorama: np.ndarray, heading: float, beams: Beams, ranges: np.ndarray)
             beam = 0  # Just before the first.
         if beam < beams.number:
             panorama[k] = ranges[beam] if ranges[beam] < beams.max_range else np.inf
+            offsets[k] = 0.0
 
 
 def panorama_error(
