@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -195,12 +196,20 @@ def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:
     head += [_FIGURES[name] for name in names]
     rows = []
     for found in evaluations:
-        worlds = ", ".join(f"`{spec}`" for spec in found["world_specs"])
+        worlds = ", ".join(f"`{_portable(spec)}`" for spec in found["world_specs"])
         cells = [found["task"], worlds, found["seeds"], found["odometer"], found["mapper"]]
         cells += [found["episodes"], *(_cell(found, name) for name in names)]
         rows.append(cells)
     lines = [f"| {' | '.join(map(str, row))} |" for row in (head, ["---"] * len(head), *rows)]
     return "\n".join(("## Figures", "", *lines))
+
+
+def _portable(spec: str) -> str:
+    """Return a world spec; a file below the folder of real data without that machine's folder."""
+    data = os.environ.get("ALBOT_DATA")
+    if not data or not Path(spec).is_relative_to(data):
+        return spec
+    return f"$ALBOT_DATA/{Path(spec).relative_to(data).as_posix()}"
 
 
 def _cell(found: Mapping[str, Any], name: str) -> str:

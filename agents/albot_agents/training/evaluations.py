@@ -1,4 +1,4 @@
-"""Evaluations during training: always the same episodes, with deterministic actions."""
+"""Evaluations during training: always the same episodes, by mean actions or as the agent acts."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import torch
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
 
 from albot_agents.task import batch_settings
+from albot_agents.trained.network import DRIVEN
 from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import evaluation_settings, evaluation_trials
@@ -49,6 +52,8 @@ class Evaluations:
         assert plan.evaluation is not None
         trials = evaluation_trials(plan, plan.evaluation.worlds)
         self._seeds = [trial.seed for trial in trials]
+        self._draws = plan.policy.sampled and not plan.evaluation.deterministic
+        self._draws_statements = plan.policy.sampled_statements
         settings = evaluation_settings(plan)
         if "journeys" in batch_settings(plan.task):
             settings["journeys"] = 1  # One fixed journey per start, which is kept.
@@ -140,8 +145,9 @@ class Evaluations:
         running, state = np.ones(count, np.bool_), None
         starts = np.ones(count, np.bool_)
         observations, _ = self._batch.reset(seed=self._seeds)
+        draws = np.random.default_rng(self._seeds)
         while running.any():
-            actions, state = learner.policy.predict(observations, state, starts, deterministic=True)
+            actions, state = self._act(learner.policy, observations, state, starts, draws)
             observations, rewards, ended, truncated, infos = self._batch.step(actions)
             returns[running] += rewards[running]
             lengths[running] += 1
@@ -153,6 +159,25 @@ class Evaluations:
             running &= ~starts
         timesteps = np.array(learner.num_timesteps)
         return ends | {"timesteps": timesteps, "results": returns, "ep_lengths": lengths}
+
+    def _act(
+        self,
+        policy: BasePolicy,
+        observations: Any,
+        state: Any,
+        starts: np.ndarray,
+        draws: np.random.Generator,
+    ) -> tuple[np.ndarray, Any]:
+        """Return the actions, the mean ones or drawn as by the agent, and a recurrent state."""
+        mean, after = policy.predict(observations, state, starts, deterministic=True)
+        if not self._draws:
+            return mean, after
+        with torch.random.fork_rng():  # The training's own random numbers stay as they are.
+            torch.manual_seed(int(draws.integers(1 << 31)))
+            actions, _ = policy.predict(observations, state, starts, deterministic=False)
+        if not self._draws_statements:
+            actions[:, DRIVEN:] = mean[:, DRIVEN:]
+        return actions, after
 
 
 def _read_results(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:

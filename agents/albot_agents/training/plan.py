@@ -147,6 +147,9 @@ class EvaluationPlan:
     """Samples between two evaluations."""
     env: Mapping[str, Any] = field(default_factory=dict)
     """Settings of the environment that differ from training."""
+    deterministic: bool = True
+    """Whether the mean action is taken also with `policy.sampled`; false for the actions that the
+    agent will take."""
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "every")

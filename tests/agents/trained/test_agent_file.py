@@ -361,6 +361,22 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
             read_evaluation(tmp_path / "e.json", agent)
 
 
+def test_a_card_names_no_folder_of_the_machine_that_measured(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ALBOT_DATA", str(tmp_path / "data"))
+    agent = read_agent(path)
+    specs = [str(tmp_path / "data" / "plans" / "*.xml"), str(tmp_path / "mine.yaml"), "random:hall"]
+    figures = {"task": TASK, "world_specs": specs, "seeds": "1", "episodes": 1, "odometer": "poor"}
+    figures |= {"mapper": "odometry", "fingerprint": agent.fingerprint, "success_rate": 1.0}
+    figures |= {"ci95": [0.2, 1.0], "spl": None, "precision": None, "recall": None}
+    (tmp_path / "e.json").write_text(json.dumps(figures))
+    evaluation = read_evaluation(tmp_path / "e.json", agent)
+    card, _ = write_card(agent, "homer", tmp_path / "homer.md", [evaluation])
+    shown = f"| `$ALBOT_DATA/plans/*.xml`, `{tmp_path / 'mine.yaml'}`, `random:hall` |"
+    assert shown in card.read_text()
+
+
 @pytest.mark.parametrize("evaluation", [{"fingerprint": None}, {"fingerprint": "0" * 64}, {}])
 def test_the_figures_of_another_agent_are_none_for_a_card(
     path: Path, tmp_path: Path, evaluation: dict[str, str | None]

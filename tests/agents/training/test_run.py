@@ -26,6 +26,7 @@ from albot_agents.training.checkpoint import (
     take_checkpoint,
 )
 from albot_agents.training.curriculum import Curriculum
+from albot_agents.training.evaluations import Evaluations
 from albot_agents.training.plan_file import read_plan, stage_settings
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder, free_folder
@@ -72,6 +73,67 @@ def test_evaluations_are_those_of_eval_callback(trained: Trained) -> None:
         assert found["timesteps"].tolist() == [32, 64]
         assert found["results"].shape == found["ep_lengths"].shape == (2, 1)
         assert np.isin(found["successes"], (0, 1)).all()
+
+
+class _Drawn:
+    """A policy whose mean action drives straight on, and draws of which declare home at once."""
+
+    def __init__(self) -> None:
+        self.drawn: list[float] = []
+
+    def predict(
+        self, observations: Any, state: Any, starts: Any, *, deterministic: bool
+    ) -> tuple[np.ndarray, Any]:
+        if deterministic:
+            return np.tile((0.5, 0.0, -1.0), (len(starts), 1)), state
+        self.drawn += torch.rand(len(starts)).tolist()
+        return np.tile((0.5, self.drawn[-1], 1.0), (len(starts), 1)), state
+
+
+@pytest.mark.parametrize("sampled_statements", [False, True])
+def test_an_evaluation_draws_as_the_agent_does(
+    trained: Trained,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    sampled_statements: bool,
+) -> None:
+    plan, drawn = trained[1], _Drawn()
+    monkeypatch.setattr(trained[2].learner.policy, "predict", drawn.predict)
+    assert plan.evaluation is not None
+    plan = dataclasses.replace(
+        plan,
+        policy=dataclasses.replace(
+            plan.policy, sampled=True, sampled_statements=sampled_statements
+        ),
+        evaluation=dataclasses.replace(plan.evaluation, deterministic=False),
+    )
+    evaluations = Evaluations(plan, tmp_path / "evaluations.npz", 0)
+    before = torch.random.get_rng_state()
+    for _ in range(2):
+        evaluations.measure(trained[2].learner)
+    assert torch.equal(torch.random.get_rng_state(), before)
+    evaluations.close()
+    with np.load(tmp_path / "evaluations.npz") as found:
+        first, second = found["ep_lengths"]
+        assert (first == second).all()
+        assert (first == 1).all() == sampled_statements  # A declaration ends the episode.
+    half = len(drawn.drawn) // 2
+    assert drawn.drawn[:half] == drawn.drawn[half:]
+
+
+def test_an_evaluation_takes_the_mean_unless_it_is_told_otherwise(
+    trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = _Drawn()
+    monkeypatch.setattr(trained[2].learner.policy, "predict", drawn.predict)
+    plan = dataclasses.replace(
+        trained[1], policy=dataclasses.replace(trained[1].policy, sampled=True)
+    )
+    evaluations = Evaluations(plan, tmp_path / "evaluations.npz", 0)
+    evaluations.measure(trained[2].learner)
+    evaluations.close()
+    assert not drawn.drawn
 
 
 def test_a_resumed_run_goes_on_from_what_was_saved(trained: Trained, tmp_path: Path) -> None:
