@@ -5,7 +5,9 @@ matched reading was taken. If not, it claims only that it has been in this place
 with a matched reading is false if that reading was taken elsewhere (see `albot_maps.same_place`),
 and right if it was taken here on an earlier visit. If it was taken on the present visit, the
 claim is true but worth nothing and does not count. A claim without a reading is right on a later
-visit, and false on the first. A visit to a room begins when the robot comes in from another
+visit, and false on the first. The matched reading is that which the mapper had when the agent
+decided, because this is what the agent saw; in the step that follows the mapper may think again,
+or leave the place. A visit to a room begins when the robot comes in from another
 room. The first claim of a visit that counts is judged; claims within the first `SETTLED` metres
 of a visit do not count.
 """
@@ -30,7 +32,8 @@ class Claims(NamedTuple):
     claims: np.ndarray
     """(n,) bool: whether the action claims that the robot has been here before."""
     matched: np.ndarray
-    """(n,) int64: earlier reading that the mapper matches with this place; -1 for none."""
+    """(n,) int64: the earlier reading that the mapper matched with the place when the robot
+    claimed, -1 for none; without a claim, of an earlier step."""
     barriers: Barriers
     """The barriers between the places of all worlds."""
     worlds: np.ndarray
@@ -77,18 +80,17 @@ _FIRST_ROOM = 512
 """Initial number of readings that the arrays hold; it doubles when they are full."""
 
 
-def no_claims(robots: int, matched: np.ndarray | None) -> Claims:
+def no_claims(robots: int, *, matches: bool) -> Claims:
     """Return the claims of robots that have made none.
 
     Args:
         robots: Number of robots.
-        matched: The readings that the robots' mappers match, (n,) int64, an array that the mappers
-            overwrite; None if they do not recognise places.
+        matches: Whether the robots' mappers recognise places.
     """
-    readings = 0 if matched is None else _FIRST_ROOM
+    readings = _FIRST_ROOM if matches else 0
     return Claims(
         claims=np.zeros(robots, np.bool_),
-        matched=np.full(robots, -1) if matched is None else matched,
+        matched=np.full(robots, -1),
         barriers=NO_BARRIERS,
         worlds=np.zeros(robots, np.int64),
         points=np.zeros((robots, readings, 2), np.float32),
@@ -139,8 +141,8 @@ class ReadingMatcher(Protocol):
 class ClaimJudge:
     """Judges the claims of a task's robots.
 
-    The task calls `begin` for each episode, `hear` and `find_matches` in each step, and the
-    kernel `judge_claim` with `table`, once for each reading.
+    The task calls `begin` for each episode, `hear` in each step before its readings, and the kernel
+    `judge_claim` with `table`, once for each reading.
 
     Args:
         robots: Number of robots.
@@ -150,8 +152,7 @@ class ClaimJudge:
     def __init__(self, robots: int, mappers: ReadingMatcher | None) -> None:
         self._mappers = mappers
         self._matches = mappers is not None and mappers.recognises_places
-        matched = mappers.matched_readings if mappers is not None and self._matches else None
-        self.table = no_claims(robots, matched)
+        self.table = no_claims(robots, matches=self._matches)
         """The claims of all robots; a new tuple whenever more readings or rooms need room."""
         self._readings = 0
         self._worlds = WorldCache(robots, self._add_barriers, self._forget_barriers)
@@ -188,20 +189,18 @@ class ClaimJudge:
 
     def hear(self, claims: Bool[np.ndarray, "robots"], steps: Int64[np.ndarray, "robots"]) -> None:
         """Take the claims of a step that begins, `steps` after the episodes' beginnings."""
-        self.table.claims[:] = claims
+        table = self.table
+        table.claims[:] = claims
         if self._matches:
+            assert self._mappers is not None
+            rows = np.flatnonzero(claims & ~table.judged)
+            self._mappers.match_readings(rows)
+            table.matched[rows] = self._mappers.matched_readings[rows]
             # A robot has no more readings than there were steps since the arrays had room.
             self._readings += 1
             if self._readings >= self.table.points.shape[1]:
                 self._readings = int((self.table.before + steps).max()) + 2
                 self.table = with_room(self.table, self._readings, 0)
-
-    def find_matches(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Let the mappers of those of some robots that claim find the readings that they match."""
-        claims = self.table
-        if self._matches and claims.claims.any():
-            assert self._mappers is not None
-            self._mappers.match_readings(rows[claims.claims[rows] & ~claims.judged[rows]])
 
     @property
     def facts(self) -> dict[str, np.ndarray]:

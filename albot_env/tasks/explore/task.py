@@ -80,7 +80,6 @@ class ExploreTask(DrivingTask):
         super().act(numbers)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
-        self._judge.find_matches(rows)
         compute_reward(rows, self._arguments.arguments(self._judge.table), CONTROL_STEP)
 
     def _reward_arguments(self, claims: Claims) -> tuple[Any, ...]:

@@ -183,7 +183,6 @@ class WayHomeTask(DrivingTask):
         self._outward_journeys.close()
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
-        self._judge.find_matches(rows)
         arguments = self._arguments.arguments(self._fields, self._judge.table)
         compute_reward(rows, arguments, CONTROL_STEP)
 

@@ -13,6 +13,7 @@ from albot_env.tasks.core.claims import (
     FALSE,
     NOTHING,
     RIGHT,
+    ClaimJudge,
     judge_claim,
     no_claims,
     with_room,
@@ -39,14 +40,13 @@ def _judged(world: World, *visits: tuple[int, int, int]) -> tuple[list[int], lis
     Returns:
         The judgement in each visit that was not nothing, and the counts.
     """
-    matched = np.zeros(1, np.int64)
-    claims = no_claims(1, matched)
+    claims = no_claims(1, matches=True)
     claims = with_room(claims, sum(readings for *_, readings in visits), 2)
     claims = claims._replace(barriers=with_barriers(NO_BARRIERS, world))
     claims.claims[:] = True
     reading, entered, outcomes = 0, set(), []
     for room, match, readings in visits:
-        matched[0], judged = match, [NOTHING]
+        claims.matched[0], judged = match, [NOTHING]
         pose = np.array((ROOMS[room], 2.0, 0.0))
         for _ in range(readings):
             is_new = room >= 0 and room not in entered
@@ -88,7 +88,7 @@ def test_claims_by_hand(
 
 
 def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: World) -> None:
-    claims = with_room(no_claims(1, None), 100, 2)
+    claims = with_room(no_claims(1, matches=False), 100, 2)
     claims.claims[:] = True
     pose = np.zeros(3)
     steps = [(A, True), *3 * [(A, False)], (B, True), *3 * [(B, False)], *4 * [(A, False)]]
@@ -99,11 +99,44 @@ def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: Worl
     assert claims.points.shape[1] == 0
 
 
+class _Mapper:
+    """A mapper that matches what it is told to."""
+
+    recognises_places = True
+
+    def __init__(self) -> None:
+        self.matched_readings = np.full(1, NOWHERE)
+
+    def match_readings(self, rows: np.ndarray) -> None:
+        """Nothing is ever out of date."""
+
+
+@pytest.mark.parametrize(
+    ("seen", "thought_again", "outcome"), [(2, NOWHERE, RIGHT), (NOWHERE, 2, FALSE), (6, 2, FALSE)]
+)
+def test_a_claim_is_of_the_match_that_the_agent_saw(
+    two_rooms: World, seen: int, thought_again: int, outcome: int
+) -> None:
+    mapper = _Mapper()
+    judge = ClaimJudge(1, mapper)
+    judge.begin(0, two_rooms)
+    steps = np.zeros(1, np.int64)
+    for k in range(15):
+        room, is_claim = (A, B, A)[k // 5], k == 14
+        mapper.matched_readings[0] = seen
+        judge.hear(np.full(1, is_claim), steps)
+        mapper.matched_readings[0] = thought_again
+        pose = np.array((ROOMS[room], 2.0, 0.0))
+        judged = judge_claim(0, k, 0.5 * k, pose, room, k in (0, 5), judge.table)
+        steps += 1
+    assert judged == outcome
+
+
 def test_there_is_room_for_ever_more_readings(two_rooms: World) -> None:
     """A longer journey than there was room for at first: earlier readings are kept."""
     visits = (A, 0, 400), (B, 0, 400), (A, 5, 400)
     assert _judged(two_rooms, *visits)[0] == [NOTHING, FALSE, RIGHT]
-    claims = with_room(no_claims(2, np.zeros(2, np.int64)), 1, 3)
+    claims = with_room(no_claims(2, matches=True), 1, 3)
     claims.points[1, 7] = 3.0
     wider = with_room(claims, claims.points.shape[1] + 1, 5)
     assert wider.points.shape[1] == 2 * claims.points.shape[1]
