@@ -215,7 +215,8 @@ def mappers_lines(report: MapperReport) -> Iterator[str]:
         of_mapper.setdefault(row.mapper, {})[row.odometer] = row
     first = odometers[0]
     yield f"**Mappers**, in offices: success in coming home under `{driver}` by odometers; and with"
-    yield f"`{first}`, precision · recall of claims while exploring, and in place recognition:"
+    yield f"`{first}`, precision · recall of claims while exploring (none: the mapper never says"
+    yield "that it knows the place), and in place recognition:"
     yield ""
     titles = [f"home, {odometer}" for odometer in odometers] + ["claims", "places"]
     titles += ["cost a reading (× `odometry`)"] * bool(report.costs)
@@ -246,6 +247,8 @@ def _pair(row: MapperRow | None, name: str) -> str:
     precision, recall = (figures.get(f"{name}_{each}") for each in ("precision", "recall"))
     if precision is None and recall is None:
         return "–"
+    if precision is None and recall is not None and recall.value == 0.0:
+        return "none"
     episodes = 0 if row is None else getattr(row, name)
     last = written(recall, "{:.0%}", interval=episodes > 1)
     return f"{written(precision, '{:.1%}', interval=False)} · {last}"

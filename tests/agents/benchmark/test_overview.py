@@ -131,18 +131,21 @@ def mappers(count: int = 3) -> list[CellResults]:
         for mapper in ("none", "albot1")
     ]
     poor = replace(found[1].cell, odometer="poor")
+    silent = {"right_claims": 0, "false_claims": 0, "re_entries": 4}
     places = {"right_known": 3, "false_known": 1, "revisits": 4}
-    judged = [replace(one, info={**one.info, **places}) for one in found[5].episodes]
-    return [*found[:5], replace(found[5], episodes=judged), results(poor, count)]
+    for k, counts in ((2, silent), (5, places)):
+        told = [replace(one, info={**one.info, **counts}) for one in found[k].episodes]
+        found[k] = replace(found[k], episodes=told)
+    return [*found, results(poor, count)]
 
 
 def test_a_row_a_mapper_with_the_tasks_as_columns() -> None:
     lines = list(mappers_lines(MapperReport.of(mappers(), PROTOCOL, {"albot1": 6.5})))
-    assert lines[3] == (
+    assert lines[4] == (
         "| mapper | home, pioneer | home, poor | claims | places | cost a reading (× `odometry`) |"
     )
-    assert lines[5:] == [
-        "| `none` | 67% (21%–94%) | – | – | – | – |",
+    assert lines[6:] == [
+        "| `none` | 67% (21%–94%) | – | none | – | – |",
         "| `albot1` | 67% (21%–94%) | 67% (21%–94%) | – | 75.0% · 75% (75%–75%) | 6.5 |",
         "| *episodes a mapper* | **3** | **3** | **3** | **3** | – |",
     ]
