@@ -42,14 +42,13 @@ class KernelArguments:
     """
 
     def __init__(self, contents: tuple[Any, ...]) -> None:
-        kind = typeof(contents)  # type: ignore[no-untyped-call]
         self._kept = contents
-        self._room = np.empty(_size_of(kind) + _LINE, np.uint8)
-        self.kind = KernelArgumentsType(kind)
+        self.kind = _kind_of_contents(contents)
         """The numba type."""
+        self._room = np.empty(_size_of(self.kind.contents) + _LINE, np.uint8)
         self.address = -(-self._room.ctypes.data // _LINE) * _LINE
         """Address of the contents, in compiled code's own layout."""
-        _pack(contents, self.address)
+        _packer_of(self.kind)(contents, self.address)
 
     def __reduce__(self) -> tuple[type[KernelArguments], tuple[Any, ...]]:
         """Copy or pickle the contents; the copy has an address of its own."""
@@ -116,6 +115,37 @@ class KernelArgumentsType(types.Type):
     def __init__(self, contents: Any) -> None:
         self.contents = contents
         super().__init__(name=f"KernelArguments({contents})")
+
+
+_KINDS: dict[Any, KernelArgumentsType] = {}
+"""The types of contents seen so far, by `_shape_of`."""
+_NUMBERS = int | float | np.number | np.bool_
+
+
+def _kind_of_contents(contents: tuple[Any, ...]) -> KernelArgumentsType:
+    """Return the type of kernel arguments with these contents.
+
+    numba's `typeof` takes milliseconds for a hundred arrays, so it is asked once for all that are
+    alike.
+    """
+    shape = _shape_of(contents)
+    kind = _KINDS.get(shape)
+    if kind is None:
+        kind = _KINDS[shape] = KernelArgumentsType(typeof(contents))  # type: ignore[no-untyped-call]
+    return kind
+
+
+def _shape_of(value: Any) -> Any:
+    """Return what the numba type of a value depends on."""
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        layout = flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
+        return value.dtype, value.ndim, *layout
+    if isinstance(value, tuple):
+        return type(value), *map(_shape_of, value)
+    if isinstance(value, int):
+        return type(value), value.bit_length() > 63  # These are unsigned for numba.
+    return type(value) if isinstance(value, _NUMBERS) else typeof(value)  # type: ignore[no-untyped-call]
 
 
 @cache
@@ -194,3 +224,13 @@ _stored: Any = intrinsic(_store)
 @kernel()
 def _pack(contents: Any, address: int) -> None:
     _stored(contents, address)
+
+
+@cache
+def _packer_of(kind: KernelArgumentsType) -> Callable[[tuple[Any, ...], int], None]:
+    """Return the machine code of `_pack` for contents of a type."""
+    pack: Any = _pack
+    signature = kind.contents, types.int64
+    pack.compile(signature)
+    packer: Callable[[tuple[Any, ...], int], None] = pack.overloads[signature].entry_point
+    return packer

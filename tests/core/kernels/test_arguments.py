@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, typeof
 
 from albot_core.kernels.arguments import ArgumentsCache, KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
@@ -35,6 +35,26 @@ def test_what_is_packed_comes_out_and_changes_are_seen() -> None:
     assert added_up(arguments) == 2.0 * (1 + 5)
     numbers[2, 1] = 7.0
     assert added_up(arguments) == 2.0 * (1 + 7)
+
+
+def _read_only(numbers: np.ndarray) -> np.ndarray:
+    numbers.flags.writeable = False
+    return numbers
+
+
+@pytest.mark.parametrize("again", range(2))  # The second time the type is known.
+@pytest.mark.parametrize(
+    "content",
+    [
+        np.zeros(3), np.zeros(3, np.float32), np.zeros((3, 2)), np.zeros((3, 2), order="F"),
+        np.zeros((4, 4))[::2, ::2], np.zeros((1, 1)), np.zeros(()), _read_only(np.zeros(3)),
+        np.zeros(3, np.bool_), 1, 1 << 63, -5, True, 1.0, np.float32(1), np.int8(1), np.bool_(1),
+        Pair(np.zeros(1), 1.0), (np.zeros(1), 1.0), (1, 2), (1, 2.0), (), ((), ()),
+    ],
+)  # fmt: skip
+def test_the_type_is_that_which_numba_finds(content: object, again: int) -> None:
+    contents = content, np.zeros(2)
+    assert KernelArguments(contents).kind.contents == typeof(contents)
 
 
 def test_kernel_arguments_keep_their_arrays() -> None:
