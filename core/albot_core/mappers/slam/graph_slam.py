@@ -141,6 +141,7 @@ class GraphSlam(StoredMapper):
         self._shares: list[Any] = []  # Of each: response, probability and ambiguity.
         self._is_localised, self._is_surprised = True, False
         self._drawn: tuple[int, int, LogOddsGrid] | None = None
+        self._optimum: tuple[tuple[int, int, int], Poses] | None = None
 
     def update(self, reading: Reading) -> bool:
         """Process a reading; return whether its scan became a keyframe.
@@ -357,9 +358,12 @@ class GraphSlam(StoredMapper):
 
     def _settled(self) -> Poses:
         """Return the keyframes' poses after all closures, including those that wait."""
-        if self._waiting:
-            return self.graph.optimum()
-        return self.graph.poses
+        if not self._waiting:
+            return self.graph.poses
+        graph = self._version, len(self.graph.poses), len(self.graph.ends)
+        if self._optimum is None or self._optimum[0] != graph:  # A snapshot asks several times.
+            self._optimum = graph, self.graph.optimum()
+        return self._optimum[1]
 
     def corrected_poses(self) -> Poses:
         """Return the robot's pose at every reading since the reset, as estimated now."""

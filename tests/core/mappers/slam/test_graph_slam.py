@@ -184,6 +184,24 @@ def test_the_grid_is_drawn_of_the_corrected_poses(driven):
     assert np.quantile(away, 0.95) < 0.1
 
 
+def test_a_snapshot_searches_the_likeliest_poses_once(monkeypatch):
+    config = GraphSlamConfig(closures=ClosureConfig(behind=20), most_waiting=1000)
+    mapper = GraphSlam(config)
+    drive(mapper, POSES[:-5], 1, np.radians(2), 0.02)
+    assert mapper._waiting > 3
+    searched, search = [], PoseGraph.optimum
+    monkeypatch.setattr(PoseGraph, "optimum", lambda graph: searched.append(1) or search(graph))
+    for _ in range(2):
+        nodes = mapper.snapshot().place_graph.nodes
+    assert len(searched) == 1
+    np.testing.assert_array_equal([node.pose for node in nodes], search(mapper.graph))
+    for pose, motion in zip(POSES[-5:], relative(POSES[-6:-1], POSES[-5:]), strict=True):
+        mapper.update(reading_from(pose, motion, RING))
+    nodes = mapper.snapshot().place_graph.nodes
+    assert len(searched) == 2
+    np.testing.assert_array_equal([node.pose for node in nodes], search(mapper.graph))
+
+
 def test_the_graph_has_a_node_for_each_keyframe_and_the_way_home_follows_the_corridors(driven):
     graph = driven.snapshot().place_graph
     assert len(graph.nodes) == driven.estimate.updates
