@@ -133,6 +133,7 @@ class LearningCurves:
     def figure(self) -> Figure:
         """Return the picture: the mean, the range in a lighter shade, each seed as a thin line."""
         from matplotlib.figure import Figure  # slow to load
+        from matplotlib.ticker import EngFormatter
 
         shares = [name for name in self.names if name in SHARES]
         figure = Figure(figsize=(7, 3.2), layout="constrained")
@@ -142,6 +143,7 @@ class LearningCurves:
             for name, colour in zip(names, SERIES, strict=False):
                 self._draw(panel, name, colour)
             panel.set(xlabel="samples")
+            panel.xaxis.set_major_formatter(EngFormatter(sep=""))  # 80k, not 80000 beside 100000.
             panel.legend(frameon=False)
             panel.grid(alpha=0.3)
         if shares:
