@@ -172,7 +172,8 @@ class Evaluations:
         mean, after = policy.predict(observations, state, starts, deterministic=True)
         if not self._draws:
             return mean, after
-        with torch.random.fork_rng():  # The training's own random numbers stay as they are.
+        devices = [policy.device] if policy.device.type == "cuda" else []
+        with torch.random.fork_rng(devices):  # The training's own random numbers stay as they are.
             torch.manual_seed(int(draws.integers(1 << 31)))
             actions, _ = policy.predict(observations, state, starts, deterministic=False)
         if not self._draws_statements:
