@@ -1,4 +1,4 @@
-"""Encoders of parts of observations in numpy: convolutions, attention for graphs, and a planner.
+"""Encoders of parts of observations: convolutions, attention for graphs, and a planner.
 
 `albot_agents.training.encoders` has the same in PyTorch. What no encoder takes enters a network's
 first layer as it is.
@@ -13,6 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int32
 
+from albot_agents.trained.network_kernels import (
+    exponential,
+    hyperbolic_tangent,
+    multiply,
+    softmax,
+)
 from albot_agents.trained.shortest_path_kernels import rim_cells, search_paths
 from albot_core.errors import InputError
 from albot_core.ranges import Range, check_fields
@@ -210,7 +216,7 @@ def _convolve(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
                 cells = framed[:, down::STRIDE, right::STRIDE]
                 seen[:, down, right] = cells[:, :rows, :columns]
         kernel, bias = (weights[f"{encoder.part}.filter{k}.{name}"] for name in ("weight", "bias"))
-        summed = kernel.reshape(filters, -1) @ seen.reshape(-1, rows * columns)
+        summed = multiply(kernel.reshape(filters, -1), seen.reshape(-1, rows * columns))
         image = np.maximum(summed + bias[:, np.newaxis], 0).reshape(filters, rows, columns)
     return np.asarray(image.ravel(), np.float32)
 
@@ -225,34 +231,32 @@ def _attend(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
     ends = np.clip(np.rint((connections[:, ENDS] + 1) * (max(last, 1) / 2)), 0, last).astype(int)
     own = np.delete(connections, ENDS, axis=1)
     joined = np.concatenate((own, places[ends[:, 0]], places[ends[:, 1]]), axis=1)
-    embedded = np.tanh(
+    embedded = hyperbolic_tangent(
         np.concatenate(
             [
-                each @ weights[f"{encoder.part}.{name}.weight"].T
+                multiply(each, np.ascontiguousarray(weights[f"{encoder.part}.{name}.weight"].T))
                 + weights[f"{encoder.part}.{name}.bias"]
                 for name, each in (("place", places), ("connection", joined))
             ]
         )
     )
-    query = weights[f"{encoder.part}.query"]
-    scores = query @ embedded.T / np.float32(math.sqrt(encoder.units))
-    scores = np.where(present, scores, ABSENT)
-    shares = np.exp(scores - scores.max(axis=1, keepdims=True))
-    shares /= shares.sum(axis=1, keepdims=True)
-    return np.asarray((shares @ embedded).ravel(), np.float32)
+    scale = np.float32(math.sqrt(encoder.units))
+    scores = multiply(weights[f"{encoder.part}.query"], np.ascontiguousarray(embedded.T)) / scale
+    shares = softmax(np.where(present, scores, ABSENT))
+    return np.asarray(multiply(shares, embedded).ravel())
 
 
 def _plan(encoder: PartEncoder, weights: Weights, numbers: Row) -> Features:
     channels = encoder.shape[0]
     patch = numbers.reshape(channels, -1)
     weight, bias = (weights[f"{encoder.part}.cost_{name}"] for name in ("weight", "bias"))
-    exponents = np.clip(weight @ patch + bias, -LARGEST_EXPONENT, LARGEST_EXPONENT)
-    paths = path_costs(encoder, np.exp(exponents)[np.newaxis], patch[np.newaxis])[0][0]
-    scaled = paths * np.exp(-weights[f"{encoder.part}.log_temperature"])
-    shares = np.exp(scaled.min() - scaled)
+    exponents = multiply(weight[np.newaxis], patch) + bias
+    costs = exponential(np.clip(exponents, -LARGEST_EXPONENT, LARGEST_EXPONENT))
+    paths = path_costs(encoder, costs, patch[np.newaxis])[0]
+    shares = softmax(-paths * exponential(-weights[f"{encoder.part}.log_temperature"]))
     cheapest = paths.min()
     length = cheapest / (cheapest + encoder.shape[1])
-    return np.asarray(np.append(shares / shares.sum(), length), np.float32)
+    return np.asarray(np.append(shares, length), np.float32)
 
 
 def path_costs(

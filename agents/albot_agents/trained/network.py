@@ -1,4 +1,7 @@
-"""Policy networks in plain numpy: networks trained with PyTorch run without it."""
+"""Policy networks that run without PyTorch, in which they were trained.
+
+Their outputs are the same to the last bit on every processor (see `network_kernels`).
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,13 @@ import numpy as np
 from jaxtyping import Float32
 
 from albot_agents.trained.encoders import ABSENT, LAYERS, SIZES, PartEncoder, encode
+from albot_agents.trained.network_kernels import exponential, hyperbolic_tangent, multiply
 from albot_core.errors import InputError
 from albot_core.ranges import Range, check_fields
 
-Row = Float32[np.ndarray, "*rows units"]
-Output = Float32[np.ndarray, "*rows outputs"]
+Units = Float32[np.ndarray, "*rows units"]
+Rows = Float32[np.ndarray, "rows units"]
+Outputs = Float32[np.ndarray, "rows outputs"]
 CANDIDATES = ("arrivals", "mask")
 """The parts of observations that hold the candidates and which of them are present."""
 DRIVEN = 2
@@ -24,19 +29,23 @@ NOTHING = np.float32(-1.0)
 _CANDIDATES = Range("a whole number from 0 to 65536", 0.0, 65536.0, whole=True)
 
 
-def _elu(values: Row) -> Row:
-    return np.asarray(np.where(values > 0, values, np.expm1(np.minimum(values, 0))))
+def _elu(values: Units) -> Units:
+    return np.asarray(np.where(values > 0, values, exponential(np.minimum(values, 0)) - 1))
 
 
-def _relu(values: Row) -> Row:
+def _relu(values: Units) -> Units:
     return np.asarray(np.maximum(values, 0))
 
 
-def _sigmoid(values: Row) -> Row:
-    return np.asarray(0.5 * (1 + np.tanh(0.5 * values)), np.float32)  # Never overflows.
+def _sigmoid(values: Units) -> Units:
+    return np.asarray(0.5 * (1 + hyperbolic_tangent(0.5 * values)), np.float32)  # Never overflows.
 
 
-_ACTIVATIONS: Mapping[str, Callable[[Row], Row]] = {"elu": _elu, "relu": _relu, "tanh": np.tanh}
+_ACTIVATIONS: Mapping[str, Callable[[Units], Units]] = {
+    "elu": _elu,
+    "relu": _relu,
+    "tanh": hyperbolic_tangent,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +173,11 @@ class Network:
     def __init__(self, config: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
         self._config = config
         self._weights = weights
+        self._columns = {
+            name: np.ascontiguousarray(array.T, np.float32)
+            for name, array in weights.items()
+            if name.endswith((".weight", ".input", ".hidden")) and array.ndim == 2
+        }
         self._activation = _ACTIVATIONS[config.activation]
         self.reset()
 
@@ -179,11 +193,11 @@ class Network:
         """Return the network's outputs for the next observation."""
         if self._config.candidates:
             return self._score_candidates(observation)
-        row = encode(self._config.encoders, self._weights, observation)
+        rows = encode(self._config.encoders, self._weights, observation)[np.newaxis]
         for k in range(self._config.lstm_layers):
-            row = self._lstm_step(k, row)
-        answer = self._linear("action", self._hidden_layers(row))
-        return np.tanh(answer) if self._config.squashed else answer
+            rows = self._lstm_step(k, rows)
+        answer = self._linear("action", self._hidden_layers(rows))[0]
+        return np.asarray(hyperbolic_tangent(answer) if self._config.squashed else answer)
 
     def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator
@@ -192,7 +206,7 @@ class Network:
 
         Without `sampled_statements` only speed and turn rate are drawn.
         """
-        spread = np.exp(self._weights["action.log_std"])
+        spread = exponential(self._weights["action.log_std"])
         drawn = answer + spread * rng.standard_normal(len(answer), np.float32)
         if self._config.sampled_statements:
             return np.asarray(drawn)
@@ -205,27 +219,28 @@ class Network:
         candidates, width = self._config.candidates, self._config.width
         present = observation[candidates * width :] > 0
         seen = self._hidden_layers(observation[: candidates * width].reshape(candidates, width))
-        pooled = np.max(seen, axis=0, where=present[:, np.newaxis], initial=NOTHING)
-        none, this = self._linear("action", pooled)[0], self._linear("action", seen)[:, 1]
+        pooled = np.max(seen, axis=0, where=present[:, np.newaxis], initial=NOTHING, keepdims=True)
+        none, this = self._linear("action", pooled)[0, 0], self._linear("action", seen)[:, 1]
         return np.concatenate(((none,), np.where(present, this, ABSENT)))
 
-    def _hidden_layers(self, row: Row) -> Output:
-        """Return the hidden layers' output for one row, or for each of several rows."""
+    def _hidden_layers(self, rows: Rows) -> Outputs:
+        """Return the hidden layers' output for each row."""
         for k in range(len(self._config.layers)):
-            row = self._activation(self._linear(f"layer{k}", row))
-        return row
+            rows = self._activation(self._linear(f"layer{k}", rows))
+        return rows
 
-    def _linear(self, name: str, row: Row) -> Output:
+    def _linear(self, name: str, rows: Rows) -> Outputs:
         """Return a linear layer's output."""
-        return np.asarray(row @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"])
+        products = multiply(rows, self._columns[f"{name}.weight"])
+        return np.asarray(products + self._weights[f"{name}.bias"])
 
-    def _lstm_step(
-        self, k: int, row: Float32[np.ndarray, "inputs"]
-    ) -> Float32[np.ndarray, "units"]:
-        """Advance an LSTM layer by one step; return its output."""
-        weights = self._weights
-        gates = weights[f"lstm{k}.input"] @ row + weights[f"lstm{k}.hidden"] @ self._hidden[k]
-        enter, keep, new, leave = np.split(gates + weights[f"lstm{k}.bias"], 4)
-        self._cells[k] = _sigmoid(keep) * self._cells[k] + _sigmoid(enter) * np.tanh(new)
-        self._hidden[k] = _sigmoid(leave) * np.tanh(self._cells[k])
-        return np.asarray(self._hidden[k].copy())
+    def _lstm_step(self, k: int, rows: Float32[np.ndarray, "1 inputs"]) -> Rows:
+        """Advance an LSTM layer by one step; return its output (1, units)."""
+        seen = multiply(rows, self._columns[f"lstm{k}.input"])
+        remembered = multiply(self._hidden[k : k + 1], self._columns[f"lstm{k}.hidden"])
+        gates = (seen + remembered)[0] + self._weights[f"lstm{k}.bias"]
+        enter, keep, new, leave = np.split(gates, 4)
+        kept = _sigmoid(keep) * self._cells[k]
+        self._cells[k] = kept + _sigmoid(enter) * hyperbolic_tangent(new)
+        self._hidden[k] = _sigmoid(leave) * hyperbolic_tangent(self._cells[k])
+        return np.asarray(self._hidden[k : k + 1].copy())
