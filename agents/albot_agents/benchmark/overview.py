@@ -142,7 +142,7 @@ def _first(column: Column) -> Iterator[str]:
         yield f"{text}not told apart from {agent_text(second.agent, second.mapper)}"
     else:
         ahead = Estimate(value=apart.value, ci95=apart.ci95)
-        by = written(ahead, "{:.2f}")
+        by = written(ahead, "{:.3f}")
         yield f"{text}ahead of {agent_text(second.agent, second.mapper)} by {by}"
 
 

@@ -87,7 +87,7 @@ def test_who_is_first_is_told_with_the_difference_in_the_same_episodes() -> None
     found = [everywhere("oracle", 3, 1.0), everywhere("a", 3, 0.75), everywhere("b", 3, 0.5)]
     assert agents_sentence(overview(*found)) == (
         "First over all kinds of worlds: in homing `a` (albot1) (SPL 0.75, 21 episodes), ahead "
-        "of `b` (albot1) by 0.25 (0.25–0.25)."
+        "of `b` (albot1) by 0.250 (0.250–0.250)."
     )
 
 
