@@ -1,6 +1,6 @@
 """Policy networks that run without PyTorch, in which they were trained.
 
-Their outputs are the same to the last bit on every processor (see `network_kernels`).
+Their outputs are the same to the last bit on all processors (see `network_kernels`).
 """
 
 from __future__ import annotations
@@ -173,10 +173,11 @@ class Network:
     def __init__(self, config: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
         self._config = config
         self._weights = weights
-        self._columns = {
+        of_encoders = {name for encoder in config.encoders for name in encoder.shapes}
+        self._columns = {  # The matrices of linear and LSTM layers, a row for each input.
             name: np.ascontiguousarray(array.T, np.float32)
             for name, array in weights.items()
-            if name.endswith((".weight", ".input", ".hidden")) and array.ndim == 2
+            if array.ndim == 2 and name not in of_encoders
         }
         self._activation = _ACTIVATIONS[config.activation]
         self.reset()

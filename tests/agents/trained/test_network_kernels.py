@@ -87,6 +87,16 @@ def test_functions_are_those_of_libm(values: list[float]) -> None:
     np.testing.assert_allclose(hyperbolic_tangent(row), np.tanh(wide), rtol=0, atol=6e-8)
 
 
+def test_what_is_no_number_stays_so() -> None:
+    """It must not become an index: weights in a file may be so large that they overflow."""
+    plain = network_kernels._exponential.py_func  # type: ignore[attr-defined]
+    assert np.isnan(plain(np.nan))  # Python would refuse the index; compiled code reads elsewhere.
+    row = np.array([np.nan, np.inf, -np.inf], np.float32)
+    np.testing.assert_array_equal(exponential(row), [np.nan, np.inf, 0.0])
+    np.testing.assert_array_equal(hyperbolic_tangent(row), [np.nan, 1.0, -1.0])
+    assert np.isnan(softmax(row[np.newaxis])).all()
+
+
 def test_functions_are_those_of_plain_python_to_the_last_bit() -> None:
     """So nothing is fused, and no sum is reordered."""
     plain = network_kernels._exponential.py_func  # type: ignore[attr-defined]
