@@ -11,7 +11,7 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from albot_agents.training.journeys import prepare_journeys
+from albot_agents.training.journeys import MadeJourneys, prepare_journeys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_check import MEMORY, check_spaces
 from albot_agents.training.plan_file import stage_settings
@@ -82,13 +82,16 @@ class Curriculum(VecEnvWrapper):
             return False
         return float(np.mean(self._ended_last)) >= stage.until_success
 
-    def prepare_journeys(self, report: Callable[[str], None]) -> None:
+    def prepare_journeys(
+        self, report: Callable[[str], None], made: MadeJourneys | None = None
+    ) -> None:
         """Make this stage's journeys in parallel, before the reset would make them one by one.
 
         Args:
             report: Called with the progress as text.
+            made: As of `prepare_journeys`.
         """
-        prepare_journeys(self._plan.task, self.venv.batch, self._settings, report)
+        prepare_journeys(self._plan.task, self.venv.batch, self._settings, report, made)
 
     def next_stage(self, seed: int, report: Callable[[str], None]) -> VecEnvObs:
         """Begin the next stage; return its first observations.

@@ -15,7 +15,7 @@ from stable_baselines3.common.policies import BasePolicy
 
 from albot_agents.task import batch_settings
 from albot_agents.trained.network import DRIVEN
-from albot_agents.training.journeys import prepare_journeys
+from albot_agents.training.journeys import MadeJourneys, prepare_journeys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import evaluation_settings, evaluation_trials
 from albot_core.archive import read_arrays
@@ -105,13 +105,16 @@ class Evaluations:
             name: row.tolist() for name, row in means.items() if not np.isnan(row).any()
         }
 
-    def prepare_journeys(self, report: Callable[[str], None]) -> None:
+    def prepare_journeys(
+        self, report: Callable[[str], None], made: MadeJourneys | None = None
+    ) -> None:
         """Make the episodes' journeys in parallel, before the first evaluation would make them.
 
         Args:
             report: Called with the progress as text.
+            made: As of `prepare_journeys`.
         """
-        prepare_journeys(self._task, self._batch, self._settings, report)
+        prepare_journeys(self._task, self._batch, self._settings, report, made)
 
     def measure(self, learner: BaseAlgorithm) -> bool:
         """Evaluate the current policy and write the results; return whether it is the best so far.

@@ -34,6 +34,7 @@ from albot_agents.training.checkpoint import (
 )
 from albot_agents.training.curriculum import Curriculum
 from albot_agents.training.evaluations import Evaluations
+from albot_agents.training.journeys import MadeJourneys
 from albot_agents.training.learner import make_learner
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.pretraining import Pretraining
@@ -63,6 +64,8 @@ class TrainingRun:
         folder: The run's folder, after `RunFolder.begin` or `RunFolder.resume`.
         plan: The plan.
         warn: Called with a sentence about each problem that does not stop the run.
+        made: Journeys that need not be made before the training.
+        on_journeys: Called with these and those that were made.
 
     Raises:
         InputError: An environment cannot be made, or a file of the run is damaged.
@@ -73,8 +76,12 @@ class TrainingRun:
         folder: RunFolder,
         plan: TrainingPlan,
         warn: Callable[[str], None] = lambda text: None,
+        *,
+        made: MadeJourneys | None = None,
+        on_journeys: Callable[[MadeJourneys], None] = lambda made: None,
     ) -> None:
         self._folder, self._plan, self._command = folder, plan, folder.command
+        self._made, self._on_journeys = made, on_journeys
         self._report: ProgressReport = lambda done, note: None
         self._warn = warn
         found = newest_checkpoint(folder.checkpoints, warn)
@@ -170,9 +177,12 @@ class TrainingRun:
     def _prepare_journeys(self) -> None:
         """Make the journeys that the environments will draw."""
         samples = self.learner.num_timesteps
+        made = MadeJourneys() if self._made is None else self._made
         for each in (self._curriculum, self._evaluations):
             if each is not None:
-                each.prepare_journeys(lambda note: self._report(samples, note))
+                each.prepare_journeys(lambda note: self._report(samples, note), made)
+        self._on_journeys(made)
+        self._made = None  # The process's cache has them; it decides what is dropped.
 
     def _pretrain(self) -> None:
         """Let the policy learn from demonstrations."""

@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, runtime_checkable
 
 from albot_agents.engine.local import CONTEXT, interrupts_blocked
+from albot_agents.training.journeys import MadeJourneys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run_files import RunFolder
 from albot_agents.training.seed_folder import SeedRun
@@ -43,6 +44,9 @@ def train_seeds(
     An error of one run does not stop the others. Ctrl-C stops all after the update that they are
     making, with a checkpoint; a second one at once, without.
 
+    Journeys depend on no seed. The first process makes them, on all processors; the others start
+    when it has, and get them.
+
     Args:
         runs: The runs by seed.
         jobs: Number of processes at a time.
@@ -55,16 +59,19 @@ def train_seeds(
     waiting, stopped = deque(runs.items()), False
     errors: dict[int, Exception] = {}
     running: list[_Process] = []
+    made: MadeJourneys | None = None
     try:
         while waiting or running:
             try:
-                while waiting and len(running) < jobs:
+                while waiting and len(running) < (1 if made is None else jobs):
                     with interrupts_deferred():  # Otherwise an unknown process could keep running.
-                        running.append(_Process(*waiting.popleft(), reporter))
+                        seed, run = waiting.popleft()
+                        running.append(_Process(seed, run, made, reporter, shares=bool(waiting)))
                 ready = wait([process.link for process in running])
                 with interrupts_deferred():
                     for process in [each for each in running if each.link in ready]:
                         if process.receive():
+                            made = process.made if made is None else made
                             continue
                         running.remove(process)
                         if process.error is not None:
@@ -91,18 +98,31 @@ class _Process:
     Args:
         seed: The seed.
         run: Its run.
+        made: Journeys that it need not make; None if no process has made them yet.
         reporter: Receives the progress.
+        shares: Whether it sends the journeys that it has made.
     """
 
-    def __init__(self, seed: int, run: SeedRun, reporter: Reporter) -> None:
+    def __init__(
+        self,
+        seed: int,
+        run: SeedRun,
+        made: MadeJourneys | None,
+        reporter: Reporter,
+        *,
+        shares: bool,
+    ) -> None:
         self.seed = seed
+        self.made: MadeJourneys | None = None
+        """The journeys that it has sent."""
         self.error: Exception | None = None
         """What ended it; None if it came to an end or was stopped."""
         self._folder, self._reporter = run[0], reporter
         self._report: ProgressReport | None = None
         self.link, other = CONTEXT.Pipe()
         # Not a daemon: it starts processes itself, which make journeys.
-        self._process = CONTEXT.Process(target=_train, args=(*run, other))
+        arguments = (*run, other, made, shares and made is None)
+        self._process = CONTEXT.Process(target=_train, args=arguments)
         with interrupts_blocked():
             self._process.start()
         other.close()  # The process has its own end; when it dies, the link breaks.
@@ -118,6 +138,8 @@ class _Process:
             self.error = message
         elif isinstance(message, str):
             self._reporter.warn(f"seed {self.seed}: {message}")
+        elif isinstance(message, MadeJourneys):
+            self.made = message
         else:
             samples, note = message
             if self._report is None:
@@ -147,10 +169,17 @@ class _Process:
             self.error = RuntimeError(f"{self._folder.path}: exit status {status}")
 
 
-def _train(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
+def _train(
+    folder: RunFolder,
+    plan: TrainingPlan,
+    link: Connection,
+    made: MadeJourneys | None,
+    shares: bool,
+) -> None:
     """Train in the process of a seed.
 
-    It sends the samples so far with the state of the training, warnings as text, and an InputError.
+    It sends the samples so far with the state of the training, warnings as text, an InputError, and
+    if it shares them, the journeys when they are made.
     """
     collect_rarely()
     from albot_agents.training.run import TrainingRun  # Slow to load: PyTorch.
@@ -166,6 +195,7 @@ def _train(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
 
     try:
         with folder.locked():
-            TrainingRun(folder, plan, send).run(report)
+            hand_over = send if shares else lambda made: None
+            TrainingRun(folder, plan, send, made=made, on_journeys=hand_over).run(report)
     except InputError as error:
         send(error)

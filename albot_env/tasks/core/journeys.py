@@ -157,7 +157,8 @@ class Journeys(ABC, Generic[Kept]):
     def __init__(self, environment: str, kind: tuple[Any, ...], count: int) -> None:
         if count not in COUNT:
             raise InputError(environment, COUNT.expected, str(count), place="journeys")
-        self._kind = kind
+        self.kind = kind
+        """What the journeys depend on besides their specs."""
         self._count = count
 
     @abstractmethod
@@ -176,7 +177,7 @@ class Journeys(ABC, Generic[Kept]):
 
         Whether they would fit is an estimate (see `JourneyCache.room_for`).
         """
-        room = JOURNEY_CACHE.room_for(self._kind)
+        room = JOURNEY_CACHE.room_for(self.kind)
         if not self._count or self._count * sum(map(len, worlds)) > room:
             return []
         specs = [
@@ -191,9 +192,11 @@ class Journeys(ABC, Generic[Kept]):
         keys = {self._key(spec): spec for spec in specs}
         return [spec for key, spec in keys.items() if key not in JOURNEY_CACHE]
 
-    def keep(self, spec: JourneySpec, journey: Kept) -> None:
-        """Cache a journey that was made elsewhere."""
-        JOURNEY_CACHE.put(self._key(spec), replace(journey, world=spec.world))  # type: ignore[type-var]
+    def keep(self, spec: JourneySpec, journey: Kept) -> Kept:
+        """Cache a journey that was made elsewhere; return it with the world of `spec`."""
+        kept = replace(journey, world=spec.world)  # type: ignore[type-var]
+        JOURNEY_CACHE.put(self._key(spec), kept)
+        return kept
 
     def _key(self, spec: JourneySpec) -> tuple[Any, ...]:
-        return (self._kind, id(spec.world), spec.start.tobytes(), spec.number)
+        return (self.kind, id(spec.world), spec.start.tobytes(), spec.number)

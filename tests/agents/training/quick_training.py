@@ -6,13 +6,15 @@ import os
 import signal
 import time
 from multiprocessing.connection import Connection
+from typing import Any
 
+from albot_agents.training.journeys import MadeJourneys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run_files import RunFolder
 from albot_core.errors import InputError
 
 
-def fail_or_end(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
+def fail_or_end(folder: RunFolder, plan: TrainingPlan, link: Connection, *shared: Any) -> None:
     """Ends as its seed says."""
     link.send((plan.seed, "here"))
     if plan.seed == 1:
@@ -25,7 +27,20 @@ def fail_or_end(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None
         link.send("look")
 
 
-def wait_for_stop(folder: RunFolder, plan: TrainingPlan, link: Connection) -> None:
+def make_or_get(
+    folder: RunFolder,
+    plan: TrainingPlan,
+    link: Connection,
+    made: MadeJourneys | None,
+    shares: bool,
+) -> None:
+    """Tells what it was given, and sends no journeys if it is to share them."""
+    link.send((0, "nothing" if made is None else "journeys"))
+    if shares:
+        link.send(MadeJourneys())
+
+
+def wait_for_stop(folder: RunFolder, plan: TrainingPlan, link: Connection, *shared: Any) -> None:
     """Seed 0 goes on until it is to stop, seed 1 whatever it is told; neither for ever."""
     link.send((0, "begun"))
     deadline = time.monotonic() + 60

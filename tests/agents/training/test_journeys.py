@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
+import numpy as np
 import pytest
 
 import albot_env  # noqa: F401  (registers the environments)
 from albot_agents.training import journeys as prepared
-from albot_agents.training.journeys import prepare_journeys
+from albot_agents.training.journeys import MadeJourneys, prepare_journeys
 from albot_core.errors import InputError
 from albot_env.tasks.core import journeys
 from albot_env.tasks.core.journeys import JourneyCache
@@ -46,6 +49,34 @@ def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.M
     monkeypatch.setattr(type(batch.journeys), "travel", lambda *_: pytest.fail("made again"))
     seen, _ = batch.reset(seed=3)
     assert seen.tobytes() == wanted.tobytes()
+
+
+def test_journeys_of_another_process_are_not_made_again(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And a journey of another world or of another kind is none of them."""
+    monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
+    given, made = settings(two_rooms, threads=2), MadeJourneys()
+    batch: Any = gymnasium.make_vec(TASK, 2, **given)
+    prepare_journeys(TASK, batch, given, made=made)
+    assert len(made) == 4
+    wanted, _ = batch.reset(seed=3)
+    monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache())
+    monkeypatch.setattr(prepared, "LocalEngine", lambda *_: pytest.fail("made again"))
+    sent, same = copy.deepcopy((made, two_rooms))  # As by a pipe.
+    assert same is not two_rooms
+    other: Any = gymnasium.make_vec(TASK, 2, **given | {"world": same})
+    prepare_journeys(TASK, other, given, made=sent)
+    assert other.missing_journeys() == []
+    assert len(batch.missing_journeys()) == 4  # Its world is another object.
+    seen, _ = other.reset(seed=3)
+    assert seen.tobytes() == wanted.tobytes()
+    shifted = replace(two_rooms, starts=two_rooms.starts + 0.1)
+    walls = np.vstack((two_rooms.walls, [[1.0, 1.0, 1.0, 1.1]]))
+    furnished = replace(two_rooms, walls=walls, glass=np.zeros(0, np.bool_))
+    for changes in ({"world": shifted}, {"world": furnished}, {"odometer": "poor"}):
+        batch = gymnasium.make_vec(TASK, 2, **given | changes)
+        assert not any(sent.find(batch.journeys, spec) for spec in batch.missing_journeys())
 
 
 def test_few_journeys_and_one_thread_are_no_reason_to_start_processes(

@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 
 from albot_agents.trained.agent_file import read_agent
-from albot_agents.training import seed_processes
+from albot_agents.training import journeys, seed_processes
 from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
 from albot_agents.training.seed_folder import SeedRun
 from albot_agents.training.seed_processes import train_seeds
+from albot_core.plain_data import deep_merge
 from tests.agents.training.conftest import Trained
-from tests.agents.training.quick_training import fail_or_end, wait_for_stop
-from tests.agents.training.tiny import begun
+from tests.agents.training.quick_training import fail_or_end, make_or_get, wait_for_stop
+from tests.agents.training.tiny import TINY, begun
 
 
 @pytest.fixture(autouse=True)
@@ -69,6 +71,36 @@ def test_the_failure_of_one_seed_stops_no_other(
     )
     assert isinstance(errors[3], RuntimeError)
     assert {"0: 0 here", "seed 0: look", "seed 1: disk: expected room"} <= set(notes.told)
+
+
+def test_the_first_process_makes_the_journeys_of_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(seed_processes, "_train", make_or_get)
+    notes = Notes()
+    assert train_seeds(_runs(tmp_path, 4, 5, 6), 3, notes) == ({}, False)
+    assert notes.told[:2] == ["begin 4", "4: 0 nothing"]
+    assert {"5: 0 journeys", "6: 0 journeys"} <= set(notes.told)
+
+
+def test_journeys_are_made_once_for_all_seeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The agents are those of runs that make their own."""
+    plan = {"env": {"journeys": 16, "threads": 2}, "evaluation": None, "n_timesteps": 32}
+    runs = {}
+    for seed in (0, 1, 2):
+        (folder := tmp_path / f"{seed}").mkdir()
+        runs[seed] = begun(folder, deep_merge(TINY, plan), seed=seed)
+    notes = Notes()
+    assert train_seeds({seed: runs[seed] for seed in (0, 1)}, 2, notes) == ({}, False)
+    assert "0: 0 16 of 16 journeys made" in notes.told
+    assert not [note for note in notes.told if note.startswith("1:") and "journeys" in note]
+    monkeypatch.setattr(journeys, "FEWEST_JOURNEYS", 17)  # It makes each when it needs it.
+    TrainingRun(runs[2][0], replace(runs[2][1], seed=1)).run()
+    one, other = (read_agent(runs[seed][0].last).weights for seed in (1, 2))
+    for name, array in one.items():
+        np.testing.assert_array_equal(array, other[name])
 
 
 def _interrupting(*texts: str) -> Notes:
