@@ -3,13 +3,14 @@
 An agent's figure in a task is over all kinds of worlds, with as many episodes of each: the first
 ones of the protocol. A sentence is made of no fewer than `FEWEST` episodes, each another one of the
 protocol, and says that an agent is ahead of another only where the 95 % interval of the difference
-in the same episodes leaves out zero.
+in the same episodes leaves out zero. Agents with more episodes than others are compared in the
+first ones, as many as the others have.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from albot_agents.benchmark.cell import EpisodeResult
@@ -29,6 +30,7 @@ from albot_agents.benchmark.table import (
 )
 from albot_agents.registry import AGENTS
 from albot_agents.task import is_probe, short_name
+from albot_core.counts import many
 
 PROBES = "probes"
 """Name of the column of all probes."""
@@ -46,12 +48,22 @@ class Standing:
     """Name of the agent in the table."""
     mapper: str
     """Name of its mapper, or `none`."""
-    episodes: Sequence[EpisodeResult]
-    """As many episodes of each kind of worlds, or of each probe."""
+    kinds: Sequence[Sequence[EpisodeResult]]
+    """Its first episodes of each kind of worlds, or of each probe; as many of each."""
     is_short: bool
     """Whether these are fewer than the protocol asks for."""
     figures: Mapping[str, Estimate]
     """The figures, see `FIGURES`."""
+
+    @property
+    def episodes(self) -> list[EpisodeResult]:
+        """The episodes of all kinds."""
+        return [one for some in self.kinds for one in some]
+
+    def first(self, count: int) -> Standing:
+        """Return it by the first episodes of each kind alone."""
+        kinds = [some[:count] for some in self.kinds]
+        return replace(self, kinds=kinds, figures=estimate([one for some in kinds for one in some]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,14 +114,14 @@ def make_overview(results: Iterable[CellResults], protocol: Protocol) -> list[Co
 
 def _standing(cells: Sequence[CellResults], protocol: Protocol) -> Standing:
     count = min(len(found.episodes) for found in cells)
-    episodes = [one for found in cells for one in found.episodes[:count]]
+    kinds = [found.episodes[:count] for found in cells]
     asked = min(len(protocol.keys(found.cell.task, found.cell.worlds)) for found in cells)
     return Standing(
         agent=cells[0].cell.agent,
         mapper=cells[0].cell.mapper,
-        episodes=episodes,
+        kinds=kinds,
         is_short=count < asked,
-        figures=estimate(episodes),
+        figures=estimate([one for some in kinds for one in some]),
     )
 
 
@@ -122,21 +134,21 @@ def agents_sentence(columns: Sequence[Column]) -> str:
 def _first(column: Column) -> Iterator[str]:
     """Yield who is first in a task, of the agents that do not know the truth."""
     name = named(column.figure)
-    ranked = [
+    known = [
         one
         for one in column.standings
         if one.agent not in _UPPER_BOUNDS and name in one.figures and len(one.episodes) >= FEWEST
     ]
-    # Only agents that were measured in as many episodes are set beside each other.
-    most = max((len(one.episodes) for one in ranked), default=0)
-    ranked = [one for one in ranked if len(one.episodes) == most]
+    ranked = _in_the_same_episodes(known)
     if len(ranked) < 2:
         return
     ranked.sort(key=lambda one: (-one.figures[name].value, one.agent))
     best, second = ranked[:2]
-    figure = FIGURES[name]
+    figure, left_out = FIGURES[name], len(known) - len(ranked)
     text = f"in {column.name} {agent_text(best.agent, best.mapper)} "
-    text += f"({figure.title} {figure.form.format(best.figures[name].value)}, {most:,} episodes), "
+    text += f"({figure.title} {figure.form.format(best.figures[name].value)}, "
+    text += f"{len(best.episodes):,} episodes"
+    text += f"; {many(left_out, 'agent')} with fewer left out), " if left_out else "), "
     apart = compare(column.name, best.episodes, second.episodes, column.figure)
     if apart is None or apart.ci95[0] <= 0:
         yield f"{text}not told apart from {agent_text(second.agent, second.mapper)}"
@@ -144,6 +156,18 @@ def _first(column: Column) -> Iterator[str]:
         ahead = Estimate(value=apart.value, ci95=apart.ci95)
         by = written(ahead, "{:.3f}")
         yield f"{text}ahead of {agent_text(second.agent, second.mapper)} by {by}"
+
+
+def _in_the_same_episodes(agents: Sequence[Standing]) -> list[Standing]:
+    """Return agents by the same number of episodes of each kind.
+
+    It is the one with which most episodes are compared in all: one agent of a few more does not end
+    the comparison, and one of far fewer is left out.
+    """
+    counts = [len(one.kinds[0]) for one in agents]
+    compared = {count: count * (sum(its >= count for its in counts) - 1) for count in counts}
+    each = min(compared, key=lambda count: (-compared[count], count), default=0)
+    return [one.first(each) for one, its in zip(agents, counts, strict=True) if its >= each]
 
 
 def agents_lines(columns: Sequence[Column], odometer: str) -> Iterator[str]:

@@ -113,11 +113,23 @@ def test_no_sentence_is_made_of_too_few_episodes() -> None:
     assert agents_sentence(overview(*two)) == ""  # Of 14 each.
     enough = [everywhere("a", 3, 0.75), everywhere("b", 3, 0.5)]
     assert agents_sentence(overview(*enough)) != ""
-    # Nor of one agent, nor beside one that was measured in fewer.
-    assert agents_sentence(overview(enough[0])) == ""
-    assert agents_sentence(overview(enough[0], everywhere("b", 6, 0.5))) == ""
+    assert agents_sentence(overview(enough[0])) == ""  # Nor of one agent.
     luckier = everywhere("c", 2, 0.9)
     assert "`c`" not in agents_sentence(overview(*enough, luckier))
+
+
+@pytest.mark.parametrize("more", [4, 6, 100])
+def test_agents_of_more_episodes_are_compared_in_the_first_ones(more: int) -> None:
+    found = everywhere("b", more, 0.5)
+    said = agents_sentence(overview(everywhere("a", 3, 0.75), found, everywhere("c", 3, 0.25)))
+    assert "`a` (albot1) (SPL 0.75, 21 episodes), ahead of `b` (albot1) by 0.250" in said
+
+
+def test_an_agent_of_far_fewer_episodes_is_left_out_and_told() -> None:
+    found = [everywhere(name, 60, spl) for name, spl in (("a", 0.75), ("b", 0.5), ("c", 0.4))]
+    text = agents_sentence(overview(*found, everywhere("lucky", 3, 0.9)))
+    assert "`a` (albot1) (SPL 0.75, 420 episodes; 1 agent with fewer left out), ahead of" in text
+    assert "lucky" not in text
 
 
 def mappers(count: int = 3) -> list[CellResults]:
