@@ -14,6 +14,7 @@ from albot_agents.benchmark.protocol import Protocol
 from albot_agents.benchmark.sources import source_digest
 from albot_agents.registry import AgentEntry, agent_names, find_agent
 from albot_agents.trained.agent_file import AgentFile
+from albot_agents.trained.trained_agent import TrainedAgent
 from albot_core.errors import InputError
 from albot_core.mappers.registry import NO_MAPPER, mapper_spec
 from albot_core.plain_data import to_plain
@@ -53,7 +54,7 @@ class Entrant:
 
     @property
     def sources(self) -> str:
-        """Digest of the sources of its mapper, and of a scripted agent (`source_digest`)."""
+        """Digest of the sources of agent and mapper (`source_digest`)."""
         return _sources(self.entry, self.mapper)
 
     def cell(self, task: str, odometer: str, worlds: str) -> Cell:
@@ -112,13 +113,15 @@ def installed_sources(cell: Cell, fingerprint: str | None) -> str | None:
 
 
 def _sources(entry: AgentEntry | None, mapper: str) -> str:
-    """Return the digest of the sources of a mapper, and of an agent if it is a scripted one."""
+    """Return the digest of the sources of a mapper and an agent; None for one in a file."""
     modules, others = [], []
     if mapper != NO_MAPPER:
         spec = mapper_spec(mapper)
         others = [spec.factory, spec.config]
         modules = [name.partition(":")[0] for name in others]
-    if entry is not None and entry.file is None:
+    if entry is None or entry.file is not None:
+        modules.append(TrainedAgent.__module__)
+    else:
         modules.append(entry.make.__module__)
         files = (find_agent(name).file for name in entry.skills)
         others += [_fingerprint(file) for file in files if file is not None]

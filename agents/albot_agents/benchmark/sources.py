@@ -1,7 +1,8 @@
 """A digest of the sources of an agent and its mapper.
 
 The version of albot-env does not tell one state of a development from another. The digest does, for
-what differs between the rows of the table: the mapper, and a scripted agent with what plans for it.
+what differs between the rows of the table: the mapper, and a scripted agent with what plans for it
+or a trained one with what computes its network (its weights have a fingerprint of their own).
 What all rows share, such as the simulator and the tasks, is not in it.
 """
 
@@ -17,7 +18,12 @@ from typing import Any
 
 _DIGITS = 16
 """Length of a digest: hexadecimal digits of a SHA-256 hash."""
-_ROOMS = ("albot_agents.scripted.", "albot_core.matching.", "albot_core.planning.")
+_ROOMS = (
+    "albot_agents.scripted.",
+    "albot_agents.trained.",
+    "albot_core.matching.",
+    "albot_core.planning.",
+)
 """Packages whose modules count, besides those of mappers."""
 _MAPPERS = "albot_core.mappers."
 """The package of mappers; modules of packages in it count, not those that all mappers share."""

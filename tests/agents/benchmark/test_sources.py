@@ -74,11 +74,29 @@ def test_each_mapper_and_agent_has_its_own() -> None:
     agents = ("albot1-homing", "hint-follower", "gap-explorer", "homing", "random", "place-judge")
     found = {name: find_entrant(name).sources for name in agents}
     assert len(set(found.values())) == len(agents)
-    # Trained agents differ in their weights; of the sources, their mapper's count.
+    # Trained agents differ in their weights; what computes their networks is the same.
     assert find_entrant("homing").sources == find_entrant("homing-blind").sources
     # A scripted agent of trained ones moves with their weights.
     made = find_entrant("explore-and-home")
     assert made.entry.skills == ("exploring", "homing")
+
+
+def test_what_computes_networks_moves_trained_agents_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    agents = ("homing", "homing-lstm", "explore-and-home", "gap-explorer", "albot1-homing")
+    before = [find_entrant(name).sources for name in agents]
+    read = sources._module
+
+    def edited(name: str) -> tuple[str, tuple[str, ...]] | None:
+        found = read(name)
+        is_kernel = name == "albot_agents.trained.network_kernels" and found is not None
+        return ("edited", found[1]) if is_kernel else found
+
+    monkeypatch.setattr(sources, "_module", edited)
+    after = [find_entrant(name).sources for name in agents]
+    moved = [one != other for one, other in zip(before, after, strict=True)]
+    assert moved == [True, True, True, False, False]
 
 
 def test_a_cell_knows_the_installed_sources() -> None:
