@@ -113,7 +113,7 @@ def installed_sources(cell: Cell, fingerprint: str | None) -> str | None:
 
 
 def _sources(entry: AgentEntry | None, mapper: str) -> str:
-    """Return the digest of the sources of a mapper and an agent; None for one in a file."""
+    """Return the digest of the sources of a mapper and an agent (None: a trained one in a file)."""
     modules, others = [], []
     if mapper != NO_MAPPER:
         spec = mapper_spec(mapper)

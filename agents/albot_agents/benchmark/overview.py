@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from albot_agents.benchmark.cell import EpisodeResult
@@ -52,18 +53,20 @@ class Standing:
     """Its first episodes of each kind of worlds, or of each probe; as many of each."""
     is_short: bool
     """Whether these are fewer than the protocol asks for."""
-    figures: Mapping[str, Estimate]
-    """The figures, see `FIGURES`."""
 
-    @property
+    @cached_property
     def episodes(self) -> list[EpisodeResult]:
         """The episodes of all kinds."""
         return [one for some in self.kinds for one in some]
 
+    @cached_property
+    def figures(self) -> Mapping[str, Estimate]:
+        """The figures, see `FIGURES`."""
+        return estimate(self.episodes)
+
     def first(self, count: int) -> Standing:
         """Return it by the first episodes of each kind alone."""
-        kinds = [some[:count] for some in self.kinds]
-        return replace(self, kinds=kinds, figures=estimate([one for some in kinds for one in some]))
+        return replace(self, kinds=[some[:count] for some in self.kinds])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,14 +117,12 @@ def make_overview(results: Iterable[CellResults], protocol: Protocol) -> list[Co
 
 def _standing(cells: Sequence[CellResults], protocol: Protocol) -> Standing:
     count = min(len(found.episodes) for found in cells)
-    kinds = [found.episodes[:count] for found in cells]
     asked = min(len(protocol.keys(found.cell.task, found.cell.worlds)) for found in cells)
     return Standing(
         agent=cells[0].cell.agent,
         mapper=cells[0].cell.mapper,
-        kinds=kinds,
+        kinds=[found.episodes[:count] for found in cells],
         is_short=count < asked,
-        figures=estimate([one for some in kinds for one in some]),
     )
 
 

@@ -48,6 +48,11 @@ class MadeJourneys:
         """Return what another process gets: there, the worlds are other objects."""
         return {"_made": self._made, "_digests": {}}
 
+    def clear(self) -> None:
+        """Drop all."""
+        self._made.clear()
+        self._digests.clear()
+
     def add(self, journeys: Journeys[Any], spec: JourneySpec, journey: Any) -> None:
         """Add a journey of a kind."""
         self._made[self._key(journeys, spec)] = journey

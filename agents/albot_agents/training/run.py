@@ -64,8 +64,8 @@ class TrainingRun:
         folder: The run's folder, after `RunFolder.begin` or `RunFolder.resume`.
         plan: The plan.
         warn: Called with a sentence about each problem that does not stop the run.
-        made: Journeys that need not be made before the training.
-        on_journeys: Called with these and those that were made.
+        made: Journeys that need not be made before the training; emptied when they are kept.
+        on_journeys: Called with these and those that were made, before that.
 
     Raises:
         InputError: An environment cannot be made, or a file of the run is damaged.
@@ -182,7 +182,7 @@ class TrainingRun:
             if each is not None:
                 each.prepare_journeys(lambda note: self._report(samples, note), made)
         self._on_journeys(made)
-        self._made = None  # The process's cache has them; it decides what is dropped.
+        made.clear()  # The process's cache has them, and decides what is dropped.
 
     def _pretrain(self) -> None:
         """Let the policy learn from demonstrations."""

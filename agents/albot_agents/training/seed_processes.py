@@ -63,10 +63,7 @@ def train_seeds(
     try:
         while waiting or running:
             try:
-                while waiting and len(running) < (1 if made is None else jobs):
-                    with interrupts_deferred():  # Otherwise an unknown process could keep running.
-                        seed, run = waiting.popleft()
-                        running.append(_Process(seed, run, made, reporter, shares=bool(waiting)))
+                _start(waiting, running, made, jobs, reporter)
                 ready = wait([process.link for process in running])
                 with interrupts_deferred():
                     for process in [each for each in running if each.link in ready]:
@@ -90,6 +87,22 @@ def train_seeds(
             for process in running:
                 process.end()
     return errors, stopped
+
+
+def _start(
+    waiting: deque[tuple[int, SeedRun]],
+    running: list[_Process],
+    made: MadeJourneys | None,
+    jobs: int,
+    reporter: Reporter,
+) -> None:
+    """Start the next runs: one until the journeys are made, then as many as `jobs` allows."""
+    while waiting and len(running) < (1 if made is None else jobs):
+        with interrupts_deferred():  # Otherwise an unknown process could keep running.
+            seed, run = waiting.popleft()
+            running.append(_Process(seed, run, made, reporter, shares=bool(waiting)))
+    if made is not None and not waiting:
+        made.clear()  # All have got them.
 
 
 class _Process:
