@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from pathlib import Path
 from typing import Any
 
@@ -76,11 +75,9 @@ def test_what_is_needed_stays(monkeypatch: pytest.MonkeyPatch):
 
 def test_time_is_bounded(monkeypatch: pytest.MonkeyPatch):
     broken_after(monkeypatch, 0.75)
-    began = time.monotonic()
     found = shrunk(seconds=0.0)
     assert found.tried <= 1
     assert dataclasses.replace(found.violation.episode, steps=40) == EPISODE
-    assert time.monotonic() - began < 30
 
 
 def test_another_error_is_not_the_same(monkeypatch: pytest.MonkeyPatch):

@@ -51,9 +51,18 @@ def engine(cluster: Any) -> Iterator[RayEngine]:
         yield made
 
 
-def numbers(task: int, on_step: OnStep, /) -> tuple[np.ndarray, int]:
-    """Some work; and the process that started the worker, of which each node has one."""
-    time.sleep(0.05)
+def numbers(seen: Path, task: int, on_step: OnStep, /) -> tuple[np.ndarray, int]:
+    """Some work; and the process that started the worker, of which each node has one.
+
+    Args:
+        seen: A folder; no task ends before two nodes have left their mark in it, however slowly
+            the second starts its worker.
+        task: Seed of the numbers.
+        on_step: Not called.
+    """
+    (seen / str(os.getppid())).touch()
+    wait_until(lambda: len(list(seen.iterdir())) > 1, 240)
+    time.sleep(0.05)  # The node that dies is in the middle of one.
     return np.random.default_rng(task).normal(size=1000).cumsum(), os.getppid()
 
 
@@ -95,10 +104,13 @@ def surroundings(task: int, on_step: OnStep, /) -> tuple[str, str | None]:
     return str(Path.cwd()), os.environ.get("ALBOT_DATA")
 
 
-def test_a_node_that_dies_in_the_middle_costs_nothing(engine: RayEngine, cluster: Any) -> None:
+def test_a_node_that_dies_in_the_middle_costs_nothing(
+    engine: RayEngine, cluster: Any, tmp_path: Path
+) -> None:
     """The results are those of processes of this machine, to the last bit."""
     tasks, nodes, found = range(60), set(), {}
-    for done in engine.run(numbers, tasks):
+    work = partial(numbers, tmp_path)
+    for done in engine.run(work, tasks):
         assert not isinstance(done.result, Crash)
         found[done.number], node = done.result
         nodes.add(node)
@@ -107,7 +119,7 @@ def test_a_node_that_dies_in_the_middle_costs_nothing(engine: RayEngine, cluster
             cluster.second = None
     assert cluster.second is None
     assert found.keys() == set(tasks)
-    for done in LocalEngine(1).run(numbers, tasks):
+    for done in LocalEngine(1).run(work, tasks):
         assert not isinstance(done.result, Crash)
         assert found[done.number].tobytes() == done.result[0].tobytes()
 
