@@ -21,7 +21,7 @@ from albot_cli.outputs import (
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 
-_FILE, _FOLDER = PathType(dir_okay=False), PathType(file_okay=False)
+_FILE, _FOLDER, _RUN = PathType(dir_okay=False), PathType(file_okay=False), PathType()
 
 
 @click.group()
@@ -65,9 +65,9 @@ def list_agents(as_json: bool) -> None:
 @click.option(
     "--runs",
     multiple=True,
-    type=_FOLDER,
-    help="Show the learning curve of all seeds in this folder of `albot train --seeds`, or in this "
-    "run's; repeatable.  [default: the agent's own curve]",
+    type=_RUN,
+    help="Show the learning curve of all seeds in this folder of `albot train --seeds`, in this "
+    "run's, or in this agent's file; repeatable.  [default: the agent's own curve]",
 )
 @click.option("--out", type=_FILE, help="The card, a .md file.  [default: FILE's name with .md]")
 @figure_options("the learning curve")
@@ -112,17 +112,17 @@ def write_agents_card(
 
 
 @command.command("curve")
-@click.argument("folders", metavar="FOLDER...", nargs=-1, required=True, type=_FOLDER)
+@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=_RUN)
 @click.option(
     "--out",
     type=_FOLDER,
-    help="Folder for curve.csv, curve.json and curve.png.  [default: FOLDER, if it is one]",
+    help="Folder for curve.csv, curve.json and curve.png.  [default: RUN, if it is one folder]",
 )
 @figure_options("the learning curve")
 @FORCE
 @JSON
 def write_curve(
-    folders: tuple[Path, ...],
+    runs: tuple[Path, ...],
     out: Path | None,
     figure: FigureFile | None,
     force: bool,
@@ -130,9 +130,10 @@ def write_curve(
 ) -> None:
     """Write the learning curve of a training's runs, with its spread over their seeds.
 
-    FOLDER is that of `albot train --seeds`, which writes the same at its end, or that of a run;
-    several runs must differ only in their seeds. The picture shows the mean, the range from the
-    lowest to the highest, and each seed as a thin line; the mean ends where the shortest run does.
+    RUN is the folder of `albot train --seeds`, which writes the same at its end, that of a run, or
+    the file of an agent, which has the curve until it was saved. Several runs must differ only in
+    their seeds. The picture shows the mean, the range from the lowest to the highest, and each seed
+    as a thin line; the mean ends where the shortest run does.
     """
     from albot_agents.training.learning_curve import (
         FILES,
@@ -142,12 +143,12 @@ def write_curve(
         spread_text,
     )
 
-    if out is None and len(folders) > 1:
-        raise InputError("--out", "a folder for the curve of several", "none")
+    if out is None and (len(runs) > 1 or runs[0].is_file()):
+        raise InputError("--out", "a folder for the curve of files or of several runs", "none")
     # The files in the runs' own folder are theirs, made again.
-    target = folders[0] if out is None else out
+    target = runs[0] if out is None else out
     check_folder(target, FILES, force=force or out is None)
-    curves = read_curves(folders)
+    curves = read_curves(runs)
     with filled_folder(target) as scratch:
         curves.write(scratch)
     written = [target / name for name in FILES]

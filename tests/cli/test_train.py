@@ -137,6 +137,10 @@ def test_several_seeds_give_one_curve(
     table = (tmp_path / "curves" / "curve.csv").read_text()
     assert table == (folder / "curve.csv").read_text()
     assert "--force" in run("agents", "curve", folder, "--out", tmp_path / "curves")[2]
+    files = [each / "last.albot" for each in one_by_one]
+    assert "--out: expected a folder for the curve" in run("agents", "curve", files[0])[2]
+    assert run("agents", "curve", *files, "--out", tmp_path / "curves", "--force")[0] == 0
+    assert (tmp_path / "curves" / "curve.csv").read_text() == table
 
     best = found["runs"][1]["files"]["best"]
     status, out, _ = run("agents", "card", best, "--runs", folder, "--json")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -170,35 +170,34 @@ class LearningCurves:
             panel.plot(curve["samples"], curve[name], color=colour, linewidth=0.6, alpha=0.6)
 
 
-def read_curves(folders: Sequence[Path]) -> LearningCurves:
+def read_curves(sources: Sequence[Path]) -> LearningCurves:
     """Read the learning curves of runs.
 
     Args:
-        folders: Folders of single runs, or of the runs of several seeds. Runs without a
-            measurement so far are left out.
+        sources: Folders of single runs, or of the runs of several seeds; or agents' files, each
+            with the curve of its run until it was saved. Runs without a measurement so far are
+            left out.
 
     Raises:
-        InputError: A folder holds no run, the runs differ in more than their seeds, two have the
-            same seed, or none has been measured.
+        InputError: A folder holds no run, a file no agent, the runs differ in more than their
+            seeds, two have the same seed, or none has been measured.
     """
-    found: dict[int, tuple[RunFolder, TrainingPlan, Curve]] = {}
-    for run in (run for folder in folders for run in _runs(folder)):
-        plan = read_plan(run.plan, tried=False, saved=True)
-        first = next(iter(found.values()), None)
-        if first is not None:
-            others = differences(_shared(plan), _shared(first[1]))
-            if others:
-                expected = f"a plan that differs from that of {first[0].path} only in its seed"
-                raise InputError(run.plan, expected, "; ".join(others))
-        if plan.seed in found:
-            expected = f"another seed than that of {found[plan.seed][0].path}"
-            raise InputError(run.plan, expected, str(plan.seed))
-        found[plan.seed] = run, plan, _read_curve(run)
-    curves = {seed: curve for seed, (_, _, curve) in sorted(found.items()) if curve.get("samples")}
+    found: dict[int, _Run] = {}
+    for run in (run for source in sources for run in _runs(source)):
+        first = next(iter(found.values()), run)
+        others = differences(_shared(run.plan), _shared(first.plan))
+        if others:
+            expected = f"a plan that differs from that of {first.path} only in its seed"
+            raise InputError(run.of_plan, expected, "; ".join(others))
+        if run.plan.seed in found:
+            expected = f"another seed than that of {found[run.plan.seed].path}"
+            raise InputError(run.of_plan, expected, str(run.plan.seed))
+        found[run.plan.seed] = run
+    curves = {seed: run.curve for seed, run in sorted(found.items()) if run.curve.get("samples")}
     if not curves:
-        named = ", ".join(map(str, folders))
+        named = ", ".join(map(str, sources))
         raise InputError(named, "a run that has been measured", "none; see `evaluation.every`")
-    return LearningCurves(found[min(curves)][1], curves)
+    return LearningCurves(found[min(curves)].plan, curves)
 
 
 def check_agent(curves: LearningCurves, plan: TrainingPlan) -> None:
@@ -232,18 +231,34 @@ def seeds_text(seeds: Collection[int]) -> str:
     return f"{many(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
 
 
-def _runs(folder: Path) -> list[RunFolder]:
-    """Return the run in a folder, or those of all seeds in it."""
-    paths = [folder, *sorted(folder.glob(f"{SEED_FOLDERS}*"))]
+class _Run(NamedTuple):
+    """A run whose curve is read."""
+
+    path: Path
+    """Its folder, or the file of an agent of it."""
+    of_plan: Path
+    """The file with its plan."""
+    plan: TrainingPlan
+    """The plan."""
+    curve: Curve
+    """The curve; empty before the first measurement."""
+
+
+def _runs(source: Path) -> Iterator[_Run]:
+    """Yield the run in a folder, those of all seeds in it, or the run of an agent's file."""
+    if source.is_file():
+        training = read_agent(source).training
+        yield _Run(source, source, training.plan, training.curve)
+        return
+    paths = [source, *sorted(source.glob(f"{SEED_FOLDERS}*"))]
     runs = [run for run in map(RunFolder, paths) if run.plan.is_file() and run.monitor.is_file()]
     if not runs:
-        raise InputError(folder, "the folder of a training run, or of those of several seeds")
-    return runs
-
-
-def _read_curve(run: RunFolder) -> Curve:
-    """Return a run's curve, as the agent of its last checkpoint has it; empty without one."""
-    return read_agent(run.last).training.curve if run.last.is_file() else {}
+        expected = "the folder of a training run, that of those of several seeds, or an agent file"
+        raise InputError(source, expected)
+    for run in runs:
+        # The agent of the last checkpoint has the whole curve.
+        curve = read_agent(run.last).training.curve if run.last.is_file() else {}
+        yield _Run(run.path, run.plan, read_plan(run.plan, tried=False, saved=True), curve)
 
 
 def _shared(plan: TrainingPlan) -> dict[str, Any]:

@@ -104,12 +104,21 @@ def _change(run: Path, **changes: Any) -> None:
     replace(agent, training=replace(agent.training, **changes)).save(run / "last.albot")
 
 
+def _change_plan(file: Path, **changes: Any) -> None:
+    agent = read_agent(file)
+    plan = replace(agent.training.plan, **changes)
+    replace(agent, training=replace(agent.training, plan=plan)).save(file)
+
+
 def test_runs_are_read_from_their_folders(seeds: Path, trained: Trained) -> None:
     curves = read_curves([seeds])
     assert list(curves.curves) == [0, 3]
     assert curves.curves[3] == read_agent(trained[0].last).training.curve
     one_by_one = read_curves([seeds / "seed-3", seeds / "seed-0"])
     assert list(one_by_one.curves) == [0, 3]
+    sent = Path(shutil.copy(seeds / "seed-3" / "last.albot", seeds / "sent.albot"))
+    _change_plan(sent, seed=3)
+    assert read_curves([sent, seeds / "seed-0"]).csv == curves.csv
     _change(seeds / "seed-3", curve={})
     assert list(read_curves([seeds]).curves) == [0]
     (seeds / "seed-0" / "last.albot").unlink()
@@ -125,8 +134,13 @@ def test_runs_that_do_not_belong_together_are_refused(seeds: Path, trained: Trai
         InputError, match=r"seed-3/config.yml: expected a plan that .* in its seed, found gamma 0.5"
     ):
         read_curves([seeds])
-    with pytest.raises(InputError, match="expected the folder of a training run, or"):
+    with pytest.raises(InputError, match="expected the folder of a training run, that"):
         read_curves([seeds / "seed-3" / "checkpoints"])
+    sent = Path(shutil.copy(seeds / "seed-0" / "last.albot", seeds / "sent.albot"))
+    with pytest.raises(InputError, match=r"sent.albot: .* another seed .*seed-0, found 0"):
+        read_curves([seeds / "seed-0", sent])
+    with pytest.raises(InputError, match=r"monitor.csv: expected "):
+        read_curves([seeds / "seed-0" / "monitor.csv"])
 
 
 def test_a_card_shows_the_seeds_of_its_agent(seeds: Path, trained: Trained, tmp_path: Path) -> None:
