@@ -147,6 +147,7 @@ def _report(
             if of_trial:
                 measured[f"{agent}, {name}"] = _figures(scene, of_trial)
     verdicts = {agent: is_above_chance(scene, some) for agent, some in outcomes.items()}
+    files = {agent: find_agent(agent).file for agent in outcomes}
     return Report(
         id=experiment_id(task),
         title=scene.title,
@@ -154,6 +155,7 @@ def _report(
         measured=measured,
         holds=verdicts[judged],
         verdicts=verdicts,
+        trained={agent: file.fingerprint for agent, file in files.items() if file is not None},
         text=_text(scene, seeds),
         pictures={"paths": _picture(scene, outcomes)},
     )

@@ -35,9 +35,11 @@ _NEEDED: dict[str, Any] = {
 }  # fmt: skip
 _OPTIONAL: dict[str, Any] = {
     "verdicts": Mapping[str, bool], "compared": Mapping[str, Mapping[str, Any]],
-    "conditions": Mapping[str, tuple[str, str]],
+    "conditions": Mapping[str, tuple[str, str]], "trained": Mapping[str, str],
 }  # fmt: skip
 """Keys of `result.json`, and the types of their values."""
+_DIGITS = 8
+"""Digits of a fingerprint in the text, as in the benchmark's table of trained agents."""
 _LETTER = ("-paper", "-thesis")
 """Endings of the names of mappers that follow their paper to the letter."""
 
@@ -62,6 +64,9 @@ class Report:
     """The figures by which the mappers are compared, each by mapper (see `compared`)."""
     conditions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """The paper's conditions and ours by name, such as `environment`, `speed`, `sensors`."""
+    trained: Mapping[str, str] = field(default_factory=dict)
+    """The trained agents that took part, each with the fingerprint of its file
+    (`AgentFile.fingerprint`): figures of an agent that was trained again are of another one."""
     text: str = ""
     """A description of the method, in Markdown."""
     pictures: Mapping[str, Figure] = field(default_factory=dict)
@@ -78,6 +83,7 @@ class Report:
             **({"verdicts": dict(self.verdicts)} if self.verdicts else {}),
             **({"compared": _in_json(self.compared)} if self.compared else {}),
             **({"conditions": conditions} if conditions else {}),
+            **({"trained": dict(self.trained)} if self.trained else {}),
         }
 
     def as_markdown(self) -> str:
@@ -93,6 +99,9 @@ class Report:
             lines += ["", f"| | {' | '.join(head[1:])} |", "|---" * len(head) + "|"]
             lines += [f"| {' | '.join(row)} |" for row in body]
         lines += ["", *self.verdict_lines(), ""]
+        if self.trained:
+            named = ", ".join(f"`{name}` `{of[:_DIGITS]}`" for name, of in self.trained.items())
+            lines += [f"Trained agents, by the fingerprints of their files: {named}.", ""]
         lines += [f"![{name}]({name}.png)\n" for name in self.pictures]
         return "\n".join(lines)
 

@@ -12,6 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from albot_agents.trained.agent_file import read_agent
+from albot_agents.trained.trained_agent import shipped_agents
 from albot_core.errors import InputError
 from albot_env.tasks.probe.task import PROBES
 from albot_experiments.registry import EXPERIMENTS
@@ -72,6 +74,13 @@ def test_the_paper_s_conditions_stand_beside_ours(tmp_path: Path) -> None:
         tmp_path / "report.md"
     ).read_text()
     assert read_report(tmp_path).conditions == conditions
+
+
+def test_the_trained_agents_of_a_report_are_known(tmp_path: Path) -> None:
+    trained = {"homing": "0123456789abcdef"}
+    dataclasses.replace(REPORT, trained=trained).write(tmp_path)
+    assert "files: `homing` `01234567`.\n" in (tmp_path / "report.md").read_text()
+    assert read_report(tmp_path).trained == trained
 
 
 def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
@@ -153,6 +162,11 @@ def test_the_page_in_docs_says_what_the_report_says(name: str) -> None:
     assert report.title == title
     # Other conditions depend on the seeds.
     assert report.conditions == getattr(module, "CONDITIONS", report.conditions)
+    # Of the agents as they are shipped now: one that was trained again is measured again.
+    present = [agent for agent in shipped_agents() if agent in report.measured]
+    assert list(report.trained) == present
+    for agent in present:
+        assert report.trained[agent] == read_agent(shipped_agents()[agent]).fingerprint
     row = next(line for line in index([report], "experiments").splitlines() if name in line)
     section = index([report], "experiments").split("## ")[1].split("![")[0].strip()
     page = PAGE.read_text()
