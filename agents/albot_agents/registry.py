@@ -86,8 +86,11 @@ class AgentEntry:
     def attempts(self, task: str) -> bool:
         """Return whether the agent can attempt a task: one of its own, a twin of it, or a probe.
 
-        Whoever comes home can be asked to in the scene of a probe.
+        Whoever comes home can be asked to in the scene of a probe. A trained agent cannot attempt a
+        revealed twin of its task, which shows more than its network takes.
         """
+        if self.file is not None and task != untwinned(task):
+            return task in self.tasks
         comes_home = HOMING in self.tasks or BY_MAP in self.tasks
         return untwinned(task) in self.tasks or (is_probe(task) and comes_home)
 

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import itertools
+import reprlib
 import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import PurePath
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -270,6 +273,38 @@ def to_plain(value: Any) -> Any:
     return value
 
 
+@cache
+def _field_hints(kind: Any) -> Mapping[str, Any]:
+    """Return the types of a configuration's fields, by name; they are worked out once a class."""
+    return types.MappingProxyType(typing.get_type_hints(kind))
+
+
+def check_types(config: Any) -> None:
+    """Check that the fields of a configuration, and of those within it, have their types.
+
+    Whoever makes one in Python is told of a false type as by `read_config`: the text "no" is
+    neither true nor false.
+
+    Raises:
+        InputError: A field has a value of another type; the error names class and field.
+    """
+    kind: Any = type(config)
+    hints = _field_hints(kind)
+    for each in dataclasses.fields(config):
+        name, hint, value = each.name, hints[each.name], getattr(config, each.name)
+        where = Location(f"{type(config).__name__}.{name}")
+        kinds = get_args(hint) or (hint,)
+        if not any(dataclasses.is_dataclass(kind) for kind in kinds):
+            read_value(hint, to_plain(value), where)
+        elif not isinstance(value, kinds):
+            expected = " or ".join(
+                "None" if kind is type(None) else kind.__name__ for kind in kinds
+            )
+            raise where.error(expected, f"a {type(value).__name__}, {reprlib.repr(value)}")
+        elif value is not None:
+            check_types(value)
+
+
 def changed_fields(config: Any, default: Any) -> dict[str, Any]:
     """Return the fields that differ from another configuration of the class, as plain data."""
     changed: dict[str, Any] = {}
@@ -295,7 +330,10 @@ def deep_merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, An
 
 
 def differences(one: Any, other: Any, path: KeyPath = ()) -> list[str]:
-    """Return the differences between plain data as text: `home_range 50, not 100`."""
+    """Return the differences between plain data as text: `home_range 50, not 100`.
+
+    Of lists that are too long to be shown, it is what only one of them has.
+    """
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return [
             line
@@ -304,7 +342,25 @@ def differences(one: Any, other: Any, path: KeyPath = ()) -> list[str]:
         ]
     if one == other:
         return []
-    return [f"{dotted(path)} {format_value(one)}, not {format_value(other)}"]
+    if isinstance(one, list) and isinstance(other, list):
+        told = _list_difference(one, other)
+    else:
+        told = f"{format_value(one)}, not {format_value(other)}"
+    return [f"{dotted(path)} {told}"]
+
+
+def _list_difference(one: list[Any], other: list[Any]) -> str:
+    """Return how a list differs from another."""
+    if not any(format_value(each).endswith("...") for each in (one, other)):
+        return f"{format_value(one)}, not {format_value(other)}"
+    more = [each for each in one if each not in other]
+    missing = [each for each in other if each not in one]
+    if more or missing:
+        both = (("with", more), ("without", missing))
+        return " and ".join(f"{word} {format_value(some)}" for word, some in both if some)
+    pairs = enumerate(itertools.zip_longest(one, other))
+    number, (mine, its) = next((k, pair) for k, pair in pairs if pair[0] != pair[1])
+    return f"in another order, the first [{number}]: {format_value(mine)}, not {format_value(its)}"
 
 
 def _listed(known: Iterable[str]) -> str:

@@ -217,7 +217,7 @@ class World:
                     raise self._error(place, "a unique name", f"{name!r} again")
 
     def _check_name(self, place: str, name: str) -> None:
-        if not name.strip() or not name.isprintable():
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
             raise self._error(place, "a name of one printable line", repr(name))
 
     def _check_numbers(self, kind: str, rows: Sequence[np.ndarray] | np.ndarray) -> None:

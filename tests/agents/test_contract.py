@@ -12,7 +12,7 @@ import pytest
 
 from albot_agents.agent import Agent, EnvironmentConfigs, begin_episode, choose_action
 from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, make_agent
-from albot_agents.task import config_kind
+from albot_agents.task import config_kind, task_names
 from albot_core.errors import InputError
 from albot_env.tasks.core.parts.matches import MATCHES
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
@@ -168,6 +168,19 @@ def test_an_agent_is_found_by_its_name(name: str) -> None:
     assert agent.name == name
     assert make_agent(name) is not agent
     assert find_agent(name).summary.endswith(".")
+
+
+def test_who_may_act_in_a_revealed_twin_takes_what_it_shows() -> None:
+    twins = [task for task in task_names() if "Revealed" in task]
+    assert len(twins) >= 9
+    for twin in twins:
+        for name in agent_names(twin):
+            settings = find_agent(name).environment(twin, {})
+            env = gymnasium.make(twin, disable_env_checker=True, **settings)
+            make_agent(name, EnvironmentConfigs.of(env))
+            env.close()
+    with pytest.raises(InputError, match="found homing, which is for Albot/Homing-v0"):
+        check_agent("homing", "Albot/HomingRevealed-v0")
 
 
 def test_only_the_oracle_knows_the_truth() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
+from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import Any, Literal
 
@@ -21,6 +23,7 @@ from albot_agents.task import (
 from albot_core.errors import InputError
 from albot_core.plain_data import (
     Location,
+    check_types,
     deep_merge,
     differences,
     read_array,
@@ -158,6 +161,40 @@ def test_plain_data_is_laid_over_plain_data() -> None:
     }  # fmt: skip
     assert base == {"a": {"b": 1, "c": [1]}, "d": 2}
     assert differences(base, deep_merge(base, {"a": {"b": 5}})) == ["a.b 1, not 5"]
+
+
+def test_of_long_lists_it_is_told_what_differs() -> None:
+    parts = [f"part_{k}" for k in range(20)]
+    assert differences(["a"], ["b"]) == [" [a], not [b]"]
+    more, fewer = {"parts": [*parts, "last"]}, {"parts": parts[1:]}
+    assert differences(more, fewer) == ["parts with [part_0, last]"]
+    assert differences(fewer, more) == ["parts without [part_0, last]"]
+    other = {"parts": [*parts[:-1], "other"]}
+    assert differences({"parts": parts}, other) == ["parts with [part_19] and without [other]"]
+    turned = {"parts": parts[::-1]}
+    expected = "parts in another order, the first [0]: part_0, not part_19"
+    assert differences({"parts": parts}, turned) == [expected]
+
+
+@pytest.mark.parametrize("task", task_names())
+def test_a_configuration_made_in_python_has_its_types(task: str) -> None:
+    config = config_kind(task)()
+    check_types(config)
+    if hasattr(config, "claims"):
+        with pytest.raises(InputError, match=r"Config.claims: expected true or false, found 'no'"):
+            check_types(_with(config, claims="no"))
+    if getattr(config, "observations", None) is not None:
+        wrong = _with(config.observations, has_compass=1)
+        with pytest.raises(InputError, match=r"^ObservationConfig.has_compass: .* found 1"):
+            check_types(replace(config, observations=wrong))
+
+
+def _with(config: Any, **values: Any) -> Any:
+    """A copy with values of any type, which the checks of the tests would refuse."""
+    changed = copy.copy(config)
+    for name, value in values.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 def test_an_unknown_task_is_refused() -> None:

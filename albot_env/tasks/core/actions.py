@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -147,8 +148,8 @@ class ActionConfig:
             if np.iscomplexobj(numbers):
                 raise TypeError
             numbers = numbers.astype(np.float64)
-        except (TypeError, ValueError):
-            found = repr(action)
+        except (TypeError, ValueError, OverflowError):
+            found = reprlib.repr(action)
         else:
             if numbers.shape == shape:
                 return numbers

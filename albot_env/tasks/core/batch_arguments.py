@@ -26,7 +26,7 @@ def choose_mode(mode: str | AutoresetMode, environment: str) -> AutoresetMode:
 
 
 def choose_worlds(
-    world: Worlds | Sequence[Worlds], count: int, environment: str, robot_radius: float
+    world: Worlds | Sequence[Worlds | list[str]], count: int, environment: str, robot_radius: float
 ) -> list[WorldSet]:
     """Return the worlds of each environment; those of one spec are the same objects."""
     if isinstance(world, Sequence) and not isinstance(world, str):
@@ -36,13 +36,18 @@ def choose_worlds(
     if len(specs) != count:
         raise InputError(environment, f"{count} worlds", str(len(specs)), place="world")
     loaded: dict[Any, WorldSet] = {}
+    chosen = []
     for row, spec in enumerate(specs):
+        key: Any = spec if isinstance(spec, Worlds) else None
+        if isinstance(spec, list) and all(isinstance(each, str) for each in spec):
+            key = tuple(spec)
         try:
-            known = loaded.get(spec) if isinstance(spec, Worlds) else None
-            loaded[spec] = known or load_worlds(spec, robot_radius)
+            found = loaded.get(key) or load_worlds(spec, robot_radius)
         except InputError as error:
             raise named(error, f"{environment}, world of environment {row}") from None
-    return [loaded[spec] for spec in specs]
+        loaded[key] = found  # None is never looked up: such a spec was refused.
+        chosen.append(found)
+    return chosen
 
 
 def named(error: InputError, environment: str) -> InputError:

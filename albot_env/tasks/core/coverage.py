@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt64
 
 from albot_core.geometry.pose_kernels import angles_from_pseudo
-from albot_core.ranges import FROM_TWO, POSITIVE, check_fields
+from albot_core.ranges import CELL, CELLS, POSITIVE, check_fields
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage_kernels import (
     CoverageGrid,
@@ -39,8 +39,9 @@ class CoverageConfig:
     """Side of a cell of the egocentric patch (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "radius", "cell", "patch_cell", "spacing", "turn")
-        check_fields(self, FROM_TWO, "patch_cells")
+        check_fields(self, POSITIVE, "radius", "spacing", "turn")
+        check_fields(self, CELL, "cell", "patch_cell")
+        check_fields(self, CELLS, "patch_cells")
 
     def side(self, extent: float) -> int:
         """Return the cells along each side of a square that reaches `extent` (m) from its centre.

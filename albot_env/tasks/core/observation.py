@@ -46,6 +46,8 @@ PART_NAMES = tuple(part.name for part in PARTS)
 HINTS = ("exit", "way", "shortcut", "onward")
 """Parts that a planner has worked out: where to drive next."""
 
+_MATCHES = Range("a whole number from 1 to 10,000", 1.0, 10_000.0, whole=True)
+
 
 def _in_order(*names: str) -> tuple[str, ...]:
     return tuple(part for part in PART_NAMES if part in names)
@@ -132,7 +134,7 @@ class ObservationConfig:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
         check_fields(self, POSITIVE, *ranges, "home_drift", "home_near", "step_length", "step_turn")
         check_fields(self, POSITIVE, "time_range")
-        check_fields(self, FROM_ONE, "matches")
+        check_fields(self, _MATCHES, "matches")
         self._check_parts()
         if self.laser_sectors is not None:
             allowed = FROM_ONE

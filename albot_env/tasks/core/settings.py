@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypedDict, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -26,7 +23,7 @@ from albot_core.mappers.registry import (
     mapper_spec,
 )
 from albot_core.mappers.registry import mapper_config as full_config
-from albot_core.plain_data import Location, read_config, to_plain
+from albot_core.plain_data import Location, check_types, read_config, to_plain
 from albot_core.robot import PIONEER_3DX, RobotConfig, choose_robot
 from albot_core.sensing.faults.fault import Fault
 from albot_env.faults.registry import choose_faults
@@ -188,33 +185,8 @@ def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
     if not isinstance(config, kind):
         expected = f"{kind.__name__}, a mapping of its fields, or None"
         raise InputError(environment, expected, repr(config)[:80], place="config")
-    _check_nested(config)
+    check_types(config)
     return config
-
-
-@cache
-def _field_hints(kind: Any) -> Mapping[str, Any]:
-    """Return the types of a configuration's fields, by name; they are worked out once a class."""
-    return MappingProxyType(get_type_hints(kind))
-
-
-def _check_nested(config: Any) -> None:
-    """Raise InputError if a configuration within another one is of another class."""
-    kind: Any = type(config)
-    hints = _field_hints(kind)
-    for each in dataclasses.fields(config):
-        hint, value = hints[each.name], getattr(config, each.name)
-        kinds = get_args(hint) or (hint,)
-        if not any(dataclasses.is_dataclass(kind) for kind in kinds):
-            continue
-        if not isinstance(value, kinds):
-            expected = " or ".join(
-                "None" if kind is type(None) else kind.__name__ for kind in kinds
-            )
-            found = f"a {type(value).__name__}, {reprlib.repr(value)}"
-            raise InputError(f"{type(config).__name__}.{each.name}", expected, found)
-        if value is not None:
-            _check_nested(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -408,7 +380,7 @@ def choose_world(
     """
     if not isinstance(options, Mapping):
         raise InputError(environment, "a mapping", repr(options), place="options")
-    unknown = sorted(set(options) - {"start", "world"})
+    unknown = [str(name) for name in options if name not in ("start", "world")]
     if unknown:
         expected = "the options start and world"
         raise InputError(environment, expected, ", ".join(unknown), place="options")

@@ -77,8 +77,10 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
     Args:
         num_envs: Number of environments.
         world: A world spec, a world or a set of worlds for all environments, from which each
-            reset draws one; or a sequence with one of these per environment.
-        max_episode_steps: Steps after which an episode is truncated; None for never.
+            reset draws one; or a sequence with one of these, or a list of specs that is a set,
+            per environment.
+        max_episode_steps: Steps after which an episode is truncated; None for never (a single
+            environment takes gymnasium's, the registered number, for None).
         autoreset_mode: `NextStep`: the step after an episode's last step resets it, whatever
             the (valid) action. `SameStep`: the last step itself resets; the info then holds
             `final_obs` and `final_info`. `Disabled`: the caller must call
@@ -102,7 +104,7 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
     def __init__(
         self,
         num_envs: int,
-        world: Worlds | Sequence[Worlds] = DEFAULT_WORLD,
+        world: Worlds | Sequence[Worlds | list[str]] = DEFAULT_WORLD,
         *,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,

@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
-from albot_core.ranges import FROM_ONE, POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import CELL, FROM_ONE, NEARBY, SHARE, Range, check_fields
 from albot_core.robot import PIONEER_3DX
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
@@ -63,18 +63,9 @@ class WayfindingConfig:
     """Half the side of the square around a goal in which ground counts for `new_share` (m)."""
 
     def __post_init__(self) -> None:
-        sizes = (
-            "cell",
-            "reach",
-            "clearance",
-            "comfort_clearance",
-            "margin",
-            "first",
-            "last",
-            "ahead",
-            "about",
-        )
-        check_fields(self, POSITIVE, *sizes)
+        bodies = "clearance", "comfort_clearance"
+        check_fields(self, NEARBY, "reach", *bodies, "margin", "first", "last", "ahead", "about")
+        check_fields(self, CELL, "cell")
         check_fields(self, _WORTH, "worth")
         check_fields(self, FROM_ONE, "every")
         check_fields(self, SHARE, "new_share")

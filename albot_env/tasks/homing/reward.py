@@ -124,7 +124,7 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
         before, averse = homing.distances[i], homing.aversions[i]
         pose, start = state.poses[i], stats.starts[i]
         update_way_home(i, pose[0], pose[1], fields, homing)
-        homing.aversions[i] = _aversion(pose, homing.turns[i])
+        homing.aversions[i] = aversion(pose, homing.turns[i])
         homing.declared[i] = homing.success[i] = False
         room, is_new = progress.room[i], progress.new_room[i]
         claim = judge_claim(
@@ -161,7 +161,7 @@ def is_success(pose: np.ndarray, start: np.ndarray, radius: float) -> bool:
 
 
 @kernel()
-def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
+def aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     """Return how far a robot faces away from a point, (1 - cos) / 2: 0 facing it, 1 opposite."""
     east, north = turn[0] - pose[0], turn[1] - pose[1]
     away = length_of(east, north)

@@ -42,6 +42,7 @@ from albot_env.tasks.homing.outward_journey import (
 from albot_env.tasks.homing.reward import (
     HomingTerms,
     HomingWeights,
+    aversion,
     compute_reward,
     new_homing_stats,
 )
@@ -147,8 +148,10 @@ class WayHomeTask(DrivingTask):
         if way is not None:
             field = DistanceField(way, self.world(row).robot_radius, self.starts[row, :2])
             self._fields = with_field(self._fields, row, field)
-        x, y, _ = self.poses[row].tolist()
-        update_way_home(row, x, y, self._fields, self._homing)
+        pose = self.poses[row]
+        update_way_home(row, pose[0], pose[1], self._fields, self._homing)
+        # Nothing is paid for how the robot faces where it was put, as for where that is.
+        self._homing.aversions[row] = aversion(pose, self._homing.turns[row])
 
     def _task_state(self, row: int) -> Arrays:
         return {

@@ -16,7 +16,7 @@ from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
 from albot_core.mappers.result_checks import check_array
 from albot_core.maps.layers import LAYERS
-from albot_core.plain_data import Location, read_config
+from albot_core.plain_data import Location, check_types, read_config
 from albot_core.ranges import FROM_ONE
 from albot_core.sensing.reading import Sensor
 
@@ -478,6 +478,7 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
         return read_config(type(default), config, where, default)
     if not isinstance(config, type(default)):
         raise InputError(where.source, f"a mapping or {type(default).__name__}", repr(config))
+    check_types(config)
     return config
 
 

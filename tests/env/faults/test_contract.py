@@ -18,7 +18,7 @@ from albot_env.faults.registry import FAULTS
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.rendering.page.events import EventFinder
-from tests.env.quick import SETTINGS
+from tests.env.quick import SETTINGS, STROLL
 
 NAMES = sorted(FAULTS)
 STEPS, SEED = 45, 3
@@ -132,6 +132,26 @@ def test_a_recording_replays_and_shows_the_fault(name: str, tmp_path: Path) -> N
     told = [event for event in events if event.kind == "fault"]
     assert told[0].step == 20 and name.replace("-", " ") in told[0].text
     assert told[-1].text.endswith("is over")
+
+
+@pytest.mark.parametrize("name", ["kidnap", "turned", "door-shut"])
+def test_a_robot_that_stands_still_is_not_paid_for_where_a_fault_puts_it(name: str) -> None:
+    """Nor for what it does to the way home: only `time` passes."""
+    env = _make_homing(f"{name}:at=1s")
+    for seed in range(3):
+        _, info = env.reset(seed=seed)
+        for _ in range(15):
+            info = env.step(np.array((-1, 0, -1), np.float32))[4]
+            for term in ("progress", "facing"):  # It still rolls a little in its first steps.
+                assert info["reward_terms"][term] == pytest.approx(0.0, abs=1e-2)
+        assert info["faults_struck"] == 1
+    env.close()
+
+
+def _make_homing(faults: str) -> gymnasium.Env[Any, Any]:
+    settings = {"config": STROLL, "journeys": 1, "mapper": "none"}
+    return gymnasium.make("Albot/Homing-v0", world="random:office:3?doors=2", faults=faults,
+                          **settings)  # fmt: skip
 
 
 @pytest.mark.parametrize("environment", sorted(SETTINGS))

@@ -13,7 +13,7 @@ from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import MapperSpec
-from albot_core.ranges import FROM_TWO, POSITIVE, Range, check_fields
+from albot_core.ranges import CELL, CELLS, POSITIVE, Range, check_fields
 from albot_env.tasks.core.coverage_kernels import cut_patch
 from albot_env.tasks.core.map_arrays import RaggedRows, TrailConfig
 from albot_env.tasks.core.obstacle_kernels import ObstacleMemory, X, Y
@@ -24,6 +24,7 @@ CHANNELS = Channels._fields
 """All channels, in their order in a patch."""
 ON_REQUEST = ("obstacles",)
 """Channels that are shown only if they are named."""
+_TRAIL = Range("a length above 0, at most 10,000 (m)", 0.0, 10_000.0, beyond=True)
 _NEAR_BY = Range("a length above 0, at most 50 (m)", 0.0, 50.0, beyond=True)
 _JUMP = 2.0
 """Points of a trail that are farther apart than this, along both axes together (m), are not
@@ -70,8 +71,9 @@ class MapPatchConfig:
     """Distance from the laser up to which `obstacles` marks surfaces and clears them (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, FROM_TWO, "cells")
-        check_fields(self, POSITIVE, "trail_spacing", "trail_length")
+        check_fields(self, CELLS, "cells")
+        check_fields(self, CELL, "trail_spacing")
+        check_fields(self, _TRAIL, "trail_length")
         check_fields(self, _NEAR_BY, "obstacle_memory", "obstacle_range")
         sides: object = self.sides
         if not (

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 from albot_core.geometry.pose_kernels import length_of, rotate_back
 from albot_core.geometry.types import Points, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.ranges import COUNT, FROM_TWO, check_fields
+from albot_core.ranges import Range, check_fields
 from albot_env.tasks.core.map_arrays import MapArrays
 from albot_env.tasks.core.parts.beliefs import all_towards, observe_point
 from albot_env.tasks.core.parts.part import GraphScratch, Need, ObservationPart, Sources
@@ -19,6 +19,8 @@ from albot_env.tasks.core.parts.scales import Scales, make_log_scale, scaled, un
 
 COLUMNS = 9
 """Number of numbers per place and per connection."""
+_PLACES = Range("a whole number from 2 to 10,000", 2.0, 10_000.0, whole=True)
+_CONNECTIONS = Range("a whole number from 0 to 10,000", 0.0, 10_000.0, whole=True)
 VISITS = make_log_scale(1.0, 31.0)
 """The scale of visits."""
 
@@ -33,8 +35,8 @@ class PlaceGraphConfig:
     """Number of connections between them that are shown, the first."""
 
     def __post_init__(self) -> None:
-        check_fields(self, FROM_TWO, "places")
-        check_fields(self, COUNT, "connections")
+        check_fields(self, _PLACES, "places")
+        check_fields(self, _CONNECTIONS, "connections")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
