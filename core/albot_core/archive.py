@@ -24,6 +24,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.files import atomic_write, read_bytes
 from albot_core.json_document import parse_json
+from albot_core.yaml_document import format_value
 
 HEADER = "header.json"
 """The member with the header."""
@@ -104,7 +105,9 @@ class ArchiveFormat:
         """Parse the header and check format and version."""
         header = None if content is None else parse_json(content, path, HEADER)
         if not isinstance(header, dict) or header.get("format") != self.name:
-            raise InputError(path, f"a header of format {self.name!r}", "none", place=HEADER)
+            other = header.get("format") if isinstance(header, dict) else None
+            found = "none" if other is None else format_value(other)
+            raise InputError(path, f"a header of format {self.name}", found, place=HEADER)
         if header.get("version") != self.version:
             found = repr(header.get("version"))
             raise InputError(path, f"version {self.version} of the format", found, place=HEADER)

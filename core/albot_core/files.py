@@ -271,7 +271,13 @@ def new_folder(folder: Path) -> Iterator[None]:
     """
     with interrupts_deferred():
         made = [each for each in (folder, *folder.parents) if not exists(each)]
-        make_folder(folder)
+        for each in reversed(made[1:]):
+            make_folder(each)
+        try:
+            folder.mkdir()
+        except OSError:  # It is there, or another process has just made it, whose it is then.
+            make_folder(folder)
+            made = []
     try:
         yield
     except BaseException:
@@ -290,34 +296,40 @@ def sole_writer(file: Path, folder: Path, patience: float = 0.0) -> Iterator[Non
     Windows and some file systems have no such locks; there it does nothing.
 
     Args:
-        file: A file of the folder, which is there and is never replaced.
+        file: A file of the folder, which is there and is never replaced; or the folder itself.
         folder: The folder that the process writes into, for the error.
         patience: Longest time to wait for another process to leave the block (s).
 
     Raises:
         InputError: Another process is in the block, or the file is missing.
     """
+    if sys.platform == "win32" and file.is_dir():  # A folder cannot be opened there.
+        yield
+        return
     try:
-        stream = file.open("r+b")  # NFS locks only what may be written.
+        # NFS locks only what may be written, which a folder is not.
+        opened = os.open(file, os.O_RDONLY if file.is_dir() else os.O_RDWR)
     except FileNotFoundError:
         raise MissingFileError(file) from None
-    with stream:
+    try:
         until = time.monotonic() + patience
-        while not _lock(stream):
+        while not _lock(opened):
             if time.monotonic() >= until:
                 expected = "a folder that no other process writes into"
                 raise InputError(folder, expected, "one that does")
             time.sleep(0.1)
         yield
+    finally:
+        os.close(opened)
 
 
-def _lock(stream: IO[bytes]) -> bool:
+def _lock(opened: int) -> bool:
     """Lock a file until it is closed, at the latest with the process; return whether it is ours."""
     if sys.platform != "win32":
         import fcntl
 
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
         except OSError:  # The file system has no locks.

@@ -42,6 +42,8 @@ _MOST_WITH_NAMES = 4
 """Largest number of plans on a sheet that still get names; with more, names overlap."""
 _SMALLESTHOME = 0.004
 """Least radius of a start's disc, as a share of the plan's longer side: it is to be seen."""
+_MOST_NAMED = 150
+"""Largest number of exits that are named."""
 _HAIR = 1e-3
 """Half the wall width (m) used to find the regions of floor to fill."""
 
@@ -149,7 +151,10 @@ def _draw_floor(world: World, axes: Axes) -> list[shapely.Polygon]:
 
 
 def _write_names(world: World, axes: Axes, rooms: Sequence[shapely.Polygon]) -> None:
-    """Name rooms within their walls, and exits beside them, none over another."""
+    """Name rooms within their walls, and exits beside them, none over another.
+
+    Of very many exits none is named: the names would cover the plan.
+    """
     size = _text_size(world)
     labels = [
         Label(text=room.name, at=_middle(room.boundary), size=size, within=outline)
@@ -163,7 +168,7 @@ def _write_names(world: World, axes: Axes, rooms: Sequence[shapely.Polygon]) -> 
             size=max(0.7 * size, 4.0),
             radius=2.0,
         )
-        for opening in world.exits
+        for opening in (world.exits if len(world.exits) <= _MOST_NAMED else ())
     ]
     place_labels(axes, labels, segments=world.walls, points=world.starts[:, :2])
 

@@ -101,6 +101,8 @@ def write_agents_card(
     shown = own_curve(agent) if curves is None else curves
     if figure is not None and shown is None:
         raise InputError("--figure", "an agent with a learning curve", f"{file} without one")
+    if figure is not None:
+        figure.check_apart((card, card.with_suffix(".png")))
     written = write_card(agent, file.stem, card, figures, curves)
     if figure is not None and shown is not None:
         written.append(figure.save(shown.figure()))
@@ -147,7 +149,7 @@ def write_curve(
         raise InputError("--out", "a folder for the curve of files or of several runs", "none")
     # The files in the runs' own folder are theirs, made again.
     target = runs[0] if out is None else out
-    check_folder(target, FILES, force=force or out is None)
+    check_folder(target, FILES, force=force or out is None, figure=figure)
     curves = read_curves(runs)
     with filled_folder(target) as scratch:
         curves.write(scratch)

@@ -150,7 +150,7 @@ def command(
     from albot_cli.map_report import left_out, notes_of
 
     if out is not None:
-        check_folder(out, FILES, force=force)
+        check_folder(out, FILES, force=force, figure=figure)
     if html is not None:
         check_suffix(html, ".html", option="--html")
         check_file(html, force=force)

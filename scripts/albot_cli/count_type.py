@@ -1,7 +1,8 @@
-"""The type of all options that are whole numbers."""
+"""The types of all options that are numbers."""
 
 from __future__ import annotations
 
+import math
 from decimal import Decimal, InvalidOperation
 from typing import Any
 
@@ -23,3 +24,14 @@ class CountType(click.IntRange):
         except (InvalidOperation, TypeError, ValueError):
             pass  # The message of the range says what is wrong.
         return super().convert(value, param, ctx)
+
+
+class RealType(click.FloatRange):
+    """A number within a range; NaN is in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number; fail as `click.FloatRange` does."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number

@@ -7,7 +7,7 @@ import json
 import re
 import time
 from collections.abc import Mapping
-from contextlib import closing, nullcontext
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,15 @@ from albot_cli.engine_options import engine_options
 from albot_cli.evaluation_text import evaluation_text
 from albot_cli.faults import faults_option
 from albot_cli.mappers import mapper_config_option, read_robots_config
-from albot_cli.outputs import FORCE, JSON, FigureFile, check_folder, figure_options, filled_folder
+from albot_cli.outputs import (
+    FORCE,
+    JSON,
+    FigureFile,
+    check_folder,
+    figure_options,
+    filled_folder,
+    own_folders,
+)
 from albot_cli.path_type import PathType
 from albot_cli.robots import robot_option
 from albot_cli.rows_options import (
@@ -36,7 +44,6 @@ from albot_cli.saved_map import saved_map_option
 from albot_cli.signals import STOPPED
 from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError
-from albot_core.files import new_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,7 +54,7 @@ if TYPE_CHECKING:
     from albot_agents.evaluation.trial import Outcome
     from albot_env.export.minari_dataset import DatasetPlace
 
-_FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv"
+_FILES = _FIGURES, _PICTURE, _EPISODES = "evaluation.json", "failures.png", "episodes.csv"
 
 
 @click.command(cls=ResumableCommand)
@@ -186,48 +193,54 @@ def command(
     agents = _agents(task, agent, against)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
-    given = {"mapper": mapper, "robot": robot, "max_episode_steps": steps}
-    given |= {"faults": faults, "saved_map": saved_map}
+    given = {
+        "mapper": mapper,
+        "robot": robot,
+        "max_episode_steps": steps,
+        "faults": faults,
+        "saved_map": saved_map,
+    }
     settings |= {name: value for name, value in given.items() if value is not None}
     settings |= _task_settings(task, config, outward)
     place = None if minari is None else _dataset_place(minari, force)
     if out is not None:
         # A run that goes on may have written there what it had.
-        check_folder(out, (_FIGURES, _PICTURE, _EPISODES), force=force or resume is not None)
+        check_folder(out, _FILES, force=force or resume is not None, figure=figure)
     chosen = {name: _settings(task, name, settings, mapper_config) for name in agents}
     trials = {
         name: plan_trials(task, name, worlds, parse_seeds(seeds), its)
         for name, (its, _) in chosen.items()
     }
     judges_success = _check_settings(trials, chosen)
+    _check_figure(figure, task, judges_success)
     recordings = plan_recordings(record, only, batch, [*trials.values()], judges_success, force)
     kept, resumes = rows_place(rows, resume)
     rows_folder = None if kept is None else _rows_folder(ctx, kept, trials, record, minari)
     if place is not None:
         trials[agent] = [replace(trial, keeps_transitions=True) for trial in trials[agent]]
     (its, untrained), began = chosen[agent], time.perf_counter()
-    folder = new_folder(record) if record is not None else nullcontext()
-    with folder, open_dataset(place, force=force) as dataset:
-        found = run_trials(
-            [*trials.values()], engine, batch, dataset, recordings, rows_folder, resumes=resumes
-        )
-    outcomes = found.outcomes
-    facts: dict[str, Any] = {"task": task, "agent": agent}
-    facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
-    facts |= {"faults": faults, "saved_map": saved_map}
-    facts |= {"mapper_config": None if mapper_config is None else str(mapper_config)}
-    facts |= {"config": None if config is None else str(config), "untrained": untrained}
-    facts |= {"fingerprint": None if entry.file is None else entry.file.fingerprint}
-    facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
-    facts |= {"against": against and _against(against, *chosen[against], outcomes)}
-    facts |= {"seconds": time.perf_counter() - began, "stopped": found.stopped}
-    facts |= {"failed": [each.facts for each in found.failed], "rows": kept and str(kept)}
-    facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
-    if place is not None and dataset.size["episodes"]:
-        facts["files"]["minari"] = place.load
-        facts["minari"] = {**place.facts, **dataset.size}
-    files = {"--mapper-config": mapper_config, "--config": config}
-    _write(facts, outcomes, out, figure, files)
+    with own_folders(record, out):
+        with open_dataset(place, force=force) as dataset:
+            found = run_trials(
+                [*trials.values()], engine, batch, dataset, recordings, rows_folder, resumes=resumes
+            )
+        outcomes = found.outcomes
+        facts: dict[str, Any] = {"task": task, "agent": agent}
+        facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
+        facts |= {"faults": faults, "saved_map": saved_map}
+        facts |= {"mapper_config": None if mapper_config is None else str(mapper_config)}
+        facts |= {"config": None if config is None else str(config), "untrained": untrained}
+        facts |= {"fingerprint": None if entry.file is None else entry.file.fingerprint}
+        facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
+        facts |= {"against": against and _against(against, *chosen[against], outcomes)}
+        facts |= {"seconds": time.perf_counter() - began, "stopped": found.stopped}
+        facts |= {"failed": [each.facts for each in found.failed], "rows": kept and str(kept)}
+        facts |= {"files": {}, "minari": None, **write_index(recordings, facts, outcomes)}
+        if place is not None and dataset.size["episodes"]:
+            facts["files"]["minari"] = place.load
+            facts["minari"] = {**place.facts, **dataset.size}
+        files = {"--mapper-config": mapper_config, "--config": config}
+        _write(facts, outcomes, out, figure, files)
     more = continued(ctx, kept) if found.stopped else []
     lines = [*(each.text for each in found.failed), *more]
     click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
@@ -310,6 +323,12 @@ def _check_settings(
             click.echo(f"albot: {name} was not trained with {setting}", err=True)
     check_same_episodes({name: some[0] for name, some in trials.items()})
     return judges_success
+
+
+def _check_figure(figure: FigureFile | None, task: str, judges_success: bool) -> None:
+    """Raise InputError if a picture of failures is asked for of a task that cannot fail."""
+    if figure is not None and not judges_success:
+        raise InputError("--figure", "a task that can fail, whose failures it shows", task)
 
 
 def _settings(
@@ -417,6 +436,8 @@ def _write(
     drawn = _failures(facts, outcomes)
     if drawn is not None and figure is not None:
         facts["files"]["figure"] = str(figure.save(drawn))
+    elif figure is not None:
+        click.echo(f"albot: {figure.path}: not drawn, because no episode failed", err=True)
     if out is not None:
         _save(out, facts, outcomes, given_files, drawn)
 

@@ -64,6 +64,8 @@ def _report_error(error: BaseException, interrupts: Interrupts) -> int:
         return 2
     if isinstance(error, click.ClickException):
         message = error.format_message()
+        if isinstance(error, click.MissingParameter):  # It lists the choices line by line.
+            message = " ".join(message.split())
         # A group called without a subcommand shows its help.
         _print_error(message if message.startswith("Usage:") else f"albot: {message}")
         return 2

@@ -169,7 +169,7 @@ def command(
     if localise is not None and mapper_config is None:
         mapper_parameters = None
     if out is not None:
-        check_folder(out, FILES, force=force)
+        check_folder(out, FILES, force=force, figure=figure)
     recorded = read_log_or_episode(log, keep_going, topics)
     truth = read_reference(reference) if reference else recorded.reference_trajectory
     true_relations = read_relations(relations) if relations else None

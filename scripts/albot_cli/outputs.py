@@ -16,7 +16,14 @@ from albot_cli.count_type import CountType
 from albot_cli.path_type import PathType
 from albot_core.drawing.figure import PRINT_DPI, SUFFIXES, check_figure_name, save_figure
 from albot_core.errors import InputError
-from albot_core.files import atomic_write, exists, is_stream, new_folder, scratch_folder
+from albot_core.files import (
+    atomic_write,
+    exists,
+    is_stream,
+    new_folder,
+    scratch_folder,
+    sole_writer,
+)
 from albot_core.interrupts import interrupts_deferred
 
 if TYPE_CHECKING:
@@ -35,14 +42,23 @@ _DPIS = (50, 600)
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
-def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
+def check_folder(
+    folder: Path,
+    names: Iterable[str] = (),
+    *,
+    force: bool = False,
+    figure: FigureFile | None = None,
+) -> None:
     """Raise InputError if a folder cannot be made or written into, or one of the files exists.
 
     Args:
         folder: The folder; those above it need not exist either.
         names: Names of the files to be written into it.
         force: Whether these files may exist.
+        figure: A figure that is to be none of these files.
     """
+    if figure is not None:
+        figure.check_apart(folder / name for name in names)
     above = next(each for each in (folder, *folder.parents) if exists(each) or each.is_symlink())
     if above.is_symlink() and not above.exists():
         raise InputError(folder, "a folder to write to", "a link that leads nowhere")
@@ -100,6 +116,13 @@ class FigureFile:
     def named(self, name: str) -> FigureFile:
         """Return the file of one of several figures: `FILE-NAME` with the same ending."""
         return replace(self, path=self.path.with_stem(f"{self.path.stem}-{name}"))
+
+    def check_apart(self, written: Iterable[Path]) -> None:
+        """Raise InputError if it is one of the files that the command writes besides."""
+        for path in written:
+            if path.resolve() == self.path.resolve():
+                expected = "a file other than those that the command writes besides"
+                raise InputError("--figure", expected, str(self.path))
 
     def save(self, figure: Figure) -> Path:
         """Save a figure there; return its path."""
@@ -165,6 +188,23 @@ def _figure_file(
             raise InputError("--figure", f"a file other than that of --{name}", str(path))
     check_file(path, force=force)
     return FigureFile(path, dpi or PRINT_DPI)
+
+
+@contextmanager
+def own_folders(*folders: Path | None) -> Iterator[None]:
+    """Let no other process write into folders during the block, which they are made for.
+
+    Args:
+        folders: The folders; None for none. If the block raises, those that are new are removed.
+
+    Raises:
+        InputError: A folder cannot be made, or another process writes into it.
+    """
+    with ExitStack() as stack:
+        for folder in {each.resolve(): each for each in folders if each is not None}.values():
+            stack.enter_context(new_folder(folder))
+            stack.enter_context(sole_writer(folder, folder))
+        yield
 
 
 @contextmanager

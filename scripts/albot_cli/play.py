@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
-from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ from click.core import ParameterSource
 
 from albot_cli import completion
 from albot_cli.config import config_option
-from albot_cli.count_type import CountType
+from albot_cli.count_type import CountType, RealType
 from albot_cli.faults import faults_option
 from albot_cli.grid_type import Grid, GridType
 from albot_cli.mappers import mapper_config_option
@@ -168,7 +167,7 @@ SPEED = 10.0
 @FORCE
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0, min_open=True),
+    type=RealType(min=0, min_open=True),
     help="How many times faster than real time it is shown, or filmed.  [default: 10; 1 for "
     "keyboard]",
 )
@@ -195,8 +194,6 @@ def command(
     a recorded episode; a line below the picture names them. The last picture stays until q.
     """
     options["headless"] = options["headless"] or as_json or video is not None
-    if options["speed"] is not None and isnan(options["speed"]):
-        raise InputError("--speed", "a number above 0", "nan")
     _check_video(video, force)
     episode = _episode_file(what)
     if html is not None:

@@ -6,9 +6,11 @@ The module imports almost nothing, so that signals are handled soon after Python
 from __future__ import annotations
 
 import signal
+import sys
 
 TYPE_CHECKING = False  # Like typing.TYPE_CHECKING, without loading typing.
 if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
     from types import FrameType
     from typing import NoReturn
 
@@ -37,6 +39,24 @@ class Interrupts:
         """Raise KeyboardInterrupt from now on."""
         for number in handled_signals():
             signal.signal(number, self._stop)
+        sys.unraisablehook = self._drop
+
+    def _drop(self, dropped: UnraisableHookArgs) -> None:
+        """Interrupt again soon, where an interrupt came while Python drops all exceptions.
+
+        It does so in callbacks of C libraries, such as LLVM's while it compiles, and in `__del__`.
+        """
+        if self.heard is None or not isinstance(dropped.exc_value, KeyboardInterrupt):
+            sys.__unraisablehook__(dropped)
+            return
+        import threading
+
+        main = threading.main_thread().ident
+        if sys.platform == "win32" or main is None:
+            return  # There nothing can wake the main thread.
+        again = threading.Timer(0.05, signal.pthread_kill, (main, self.heard))
+        again.daemon = True
+        again.start()
 
     def _stop(self, number: int, frame: FrameType | None) -> NoReturn:
         self.heard = number

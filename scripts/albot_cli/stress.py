@@ -15,7 +15,7 @@ import click
 from click.core import ParameterSource
 
 from albot_cli import completion
-from albot_cli.count_type import CountType
+from albot_cli.count_type import CountType, RealType
 from albot_cli.engine_options import engine_options
 from albot_cli.faults import faults_option
 from albot_cli.mappers import mapper_config_option, read_robots_config
@@ -111,7 +111,7 @@ _PLAN = (
 @faults_option
 @click.option(
     "--beams",
-    type=click.FloatRange(0, 1, min_open=True),
+    type=RealType(0, 1, min_open=True),
     help="Share of the beams and sonars that are compared with the surfaces at each step, in "
     "turns; 1 for all.  [default: 0.125, or the campaign's]",
 )
@@ -120,7 +120,7 @@ _PLAN = (
     "seconds",
     default=60.0,
     show_default=True,
-    type=click.FloatRange(0),
+    type=RealType(0),
     help="Time in which a simpler episode is searched for each of the first violations, in "
     "seconds; 0 for none.",
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from albot_cli.count_type import CountType
+from albot_cli.count_type import CountType, RealType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.counts import many
@@ -21,7 +21,7 @@ from albot_reliability import fuzzing
     "--minutes",
     default=60.0,
     show_default=True,
-    type=click.FloatRange(0, min_open=True),
+    type=RealType(0, min_open=True),
     help="Time after which no other round begins.",
 )
 @click.option(

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from albot_cli.count_type import CountType
+from albot_cli.count_type import CountType, RealType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -88,12 +88,12 @@ python -m albot_reliability page
     "--share",
     default=1.0,
     show_default=True,
-    type=click.FloatRange(0, 1, min_open=True),
+    type=RealType(0, 1, min_open=True),
     help="Measure less, to try it.",
 )
 @click.option(
     "--minutes",
-    type=click.FloatRange(0, min_open=True),
+    type=RealType(0, min_open=True),
     help="Length of the section fuzzing, with one seed after the other.",
 )
 @click.option("--jobs", type=CountType(1), help="Processes.  [default: one a core]")

@@ -22,6 +22,7 @@ from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_agents.registry import check_agent, find_agent
 from albot_agents.training.learning_curve import SEED_FOLDERS
 from albot_agents.training.run_files import LAST_AGENT
+from albot_cli.count_type import RealType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
@@ -212,7 +213,9 @@ def draw(rows: Sequence[dict[str, Any]], out: Path) -> None:
     multiple=True,
     help="Only this: a name, a file, or a folder of `albot train --seeds`, all seeds in one row.",
 )
-@click.option("--length", "lengths", multiple=True, type=float, help="Only journeys of this (m).")
+@click.option(
+    "--length", "lengths", multiple=True, type=RealType(0), help="Only journeys of this (m)."
+)
 @click.option("--worlds", default="random:office", show_default=True)
 @click.option("--seeds", default="40000..40019", show_default=True)
 @click.option("--out", type=PathType(), help="File for the tables, as Markdown.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,6 +54,16 @@ def test_a_file_of_another_kind_is_told_first(episode_file: Path) -> None:
         CliRunner().invoke(albot, words, catch_exceptions=False)
     expected = "expected the file of a trained agent, found a recorded episode"
     assert str(caught.value) == f"{episode_file}: {expected}"
+
+
+def test_a_figure_is_none_of_the_files_beside_it(tmp_path: Path) -> None:
+    agent = shutil.copy(shipped_agents()["homing"], tmp_path / "a.albot")
+    for words in (("card", agent), ("curve", agent, "--out", tmp_path)):
+        figure = tmp_path / ("a.png" if words[0] == "card" else "curve.png")
+        result = CliRunner().invoke(albot, ["agents", *map(str, words), "--figure", str(figure)])
+        assert isinstance(result.exception, InputError)
+        assert "--figure: expected a file other than those" in str(result.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.albot"]
 
 
 @pytest.mark.parametrize("name", ["a.md", "a.png"])

@@ -9,6 +9,7 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
 from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +26,7 @@ from albot_agents.evaluation.recordings import Recording, Recordings, last_frame
 from albot_agents.evaluation.together import run_together
 from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_cli.evaluation_page import index_page
+from albot_cli.outputs import own_folders
 from albot_core.errors import InputError
 from albot_env.recording.episode import FirstEpisode, NullRecorder
 from albot_env.recording.reader import EpisodeReader
@@ -151,6 +153,33 @@ def test_exploring_neither_fails_nor_succeeds(run: Albot, tmp_path: Path) -> Non
     status, _, err = run(*words, "--seeds", "1", *record)
     assert status == 2
     assert "--only: expected a task that can succeed or fail, found Albot/Explore-v0" in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folders cannot be locked there")
+@pytest.mark.parametrize("option", ["--record", "--out"])
+def test_one_process_at_a_time_writes_into_a_folder(
+    run: Albot, tmp_path: Path, option: str
+) -> None:
+    words = (*WORDS, "--agent", "random", "--seeds", "1", "--steps", "5", option, tmp_path / "new")
+    with own_folders(tmp_path / "new"):
+        status, _, err = run(*map(str, words))
+    assert status == 2
+    assert "new: expected a folder that no other process writes into, found one that does" in err
+    assert not list((tmp_path / "new").iterdir())
+    assert run(*map(str, words))[0] == 0
+
+
+def test_a_figure_of_no_failures_is_told(run: Albot, tmp_path: Path) -> None:
+    figure = ("--figure", str(tmp_path / "a.png"), "--seeds", "1", "--steps", "5")
+    words = ("evaluate", "explore", "--agent", "random", "--worlds", "square-loop")
+    expected = "--figure: expected a task that can fail, whose failures it shows, found Albot/Expl"
+    assert expected in run(*words, *figure)[2]
+    words = (*WORDS, "--agent", "oracle", "--seeds", "1", "--figure", str(tmp_path / "a.png"))
+    status, _, err = run(*words)
+    assert (status, "a.png: not drawn, because no episode failed" in err) == (0, True)
+    out = ("--out", str(tmp_path), "--figure", str(tmp_path / "failures.png"))
+    assert "--figure: expected a file other than those" in run(*WORDS, "--agent", "random", *out)[2]
     assert not list(tmp_path.iterdir())
 
 

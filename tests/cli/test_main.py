@@ -22,6 +22,7 @@ from albot_cli.group import albot
 from albot_cli.main import main
 from albot_cli.path_type import PathType
 from albot_core.files import atomic_write
+from tests import processes
 
 ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
 SHORT = "--world square-loop --mapper odometry --steps 5"
@@ -188,3 +189,23 @@ def test_one_version_everywhere() -> None:
     assert cited["version"] == albot_env.__version__ == version("albot-env")
     addresses = [each["url"] for each in cited["references"] if "url" in each]
     assert list(project["project"]["urls"].values()) == addresses
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("train homing --robot pionier", "--robot: expected one of pioneer-3dx, kobuki, peoplebot"),
+        ("evaluate homing --robot 5", "--robot: expected one of pioneer-3dx, kobuki, peoplebot"),
+        ("stress --shrink nan", "'--shrink': nan is not in the range x>=0."),
+        ("stress --beams nan", "'--beams': nan is not in the range 0<x<=1."),
+        ("play --speed nan", "'--speed': nan is not in the range x>0."),
+        ("export a.mcap", "Missing option '--to'. Choose from: tum, kitti, "),
+    ],
+)
+def test_a_wrong_option_is_one_line_that_names_it(words: str, found: str, tmp_path: Path) -> None:
+    ran = subprocess.run(
+        [*processes.ALBOT, *words.split()], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (ran.returncode, ran.stdout, len(ran.stderr.splitlines())) == (2, "", 1)
+    assert found in ran.stderr
+    assert not list(tmp_path.iterdir())

@@ -140,3 +140,29 @@ def test_ignored_signals_stay_ignored(tmp_path: Path) -> None:
     )
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"albot1" in done.stdout
+
+
+DROPPED = """
+import os, signal, time
+from albot_cli.signals import Interrupts
+
+class Callback:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+
+Interrupts().listen()
+each = Callback()
+del each
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    print("stopped")
+"""
+"""A signal that comes where Python drops all exceptions, as in a callback of LLVM."""
+
+
+def test_a_signal_that_is_dropped_comes_again(tmp_path: Path) -> None:
+    with running([sys.executable, "-c", DROPPED], tmp_path) as process:
+        out, errors = process.communicate(timeout=30)
+    assert (out, errors) == (b"stopped\n", b"")

@@ -133,7 +133,7 @@ def npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
 @pytest.mark.parametrize(
     ("members", "message"),
     [
-        ({"header": None}, "header.json: expected a header of format 'albot-map'"),
+        ({"header": None}, "header.json: expected a header of format albot-map"),
         ({"header": b"{"}, "header.json: expected valid JSON"),
         ({"header": b"[]"}, "header.json: expected a header"),
         ({"header": b"\xff\xfe"}, "header.json: expected valid JSON"),
