@@ -269,24 +269,65 @@ def new_folder(folder: Path) -> Iterator[None]:
     Raises:
         InputError: As `make_folder`.
     """
+    made = _made(folder)
+    try:
+        yield
+    except BaseException:
+        _remove_made(folder, made)
+        raise
+
+
+def _made(folder: Path) -> list[Path]:
+    """Make a folder and those above it; return those that are new, the folder first."""
     with interrupts_deferred():
-        made = [each for each in (folder, *folder.parents) if not exists(each)]
-        for each in reversed(made[1:]):
+        new = [each for each in (folder, *folder.parents) if not exists(each)]
+        for each in reversed(new[1:]):
             make_folder(each)
         try:
             folder.mkdir()
         except OSError:  # It is there, or another process has just made it, whose it is then.
             make_folder(folder)
-            made = []
-    try:
-        yield
-    except BaseException:
-        if made:
-            with interrupts_deferred(), suppress(OSError):
-                shutil.rmtree(folder, ignore_errors=True)
-                for each in made[1:]:
-                    each.rmdir()
-        raise
+            return []
+    return new
+
+
+def _remove_made(folder: Path, made: list[Path]) -> None:
+    """Remove a folder with all in it, if it was made, and the new ones above it if empty."""
+    if made:
+        with interrupts_deferred(), suppress(OSError):
+            shutil.rmtree(folder, ignore_errors=True)
+            for each in made[1:]:
+                each.rmdir()
+
+
+@contextmanager
+def own_folder(folder: Path) -> Iterator[Callable[[], None]]:
+    """Make a folder if need be, and let no other process write into it during the block.
+
+    If the block raises, a folder that is new is removed with all in it, unless it is kept. Where
+    folders cannot be locked (Windows, NFS), another process may write into it all the same.
+
+    Yields:
+        Call it once what the folder holds is worth keeping, whatever comes.
+
+    Raises:
+        InputError: The folder cannot be made, or another process writes into it.
+    """
+    made, kept = _made(folder), False
+
+    def keep() -> None:
+        nonlocal kept
+        kept = True
+
+    with sole_writer(folder, folder):  # Who is refused removes nothing.
+        if not folder.is_dir():
+            raise InputError(folder, "a folder to write to", "one that was just removed")
+        try:
+            yield keep
+        except BaseException:
+            if not kept:
+                _remove_made(folder, made)
+            raise
 
 
 @contextmanager
@@ -311,6 +352,11 @@ def sole_writer(file: Path, folder: Path, patience: float = 0.0) -> Iterator[Non
         opened = os.open(file, os.O_RDONLY if file.is_dir() else os.O_RDWR)
     except FileNotFoundError:
         raise MissingFileError(file) from None
+    except PermissionError:
+        if not file.is_dir():
+            raise
+        yield  # A folder that may be written but not read.
+        return
     try:
         until = time.monotonic() + patience
         while not _lock(opened):

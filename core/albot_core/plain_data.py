@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import itertools
 import reprlib
 import types
 import typing
@@ -280,10 +279,10 @@ def _field_hints(kind: Any) -> Mapping[str, Any]:
 
 
 def check_types(config: Any) -> None:
-    """Check that the fields of a configuration, and of those within it, have their types.
+    """Check what configurations that are made in Python do not check themselves.
 
-    Whoever makes one in Python is told of a false type as by `read_config`: the text "no" is
-    neither true nor false.
+    They check their numbers and texts. Here it is that a field for another configuration holds one,
+    and that what is to be true or false is that: the text "no" would count as true.
 
     Raises:
         InputError: A field has a value of another type; the error names class and field.
@@ -293,9 +292,10 @@ def check_types(config: Any) -> None:
     for each in dataclasses.fields(config):
         name, hint, value = each.name, hints[each.name], getattr(config, each.name)
         where = Location(f"{type(config).__name__}.{name}")
-        kinds = get_args(hint) or (hint,)
+        kinds = _alternatives(hint)
         if not any(dataclasses.is_dataclass(kind) for kind in kinds):
-            read_value(hint, to_plain(value), where)
+            if bool in kinds and not isinstance(value, bool | np.bool_ | types.NoneType):
+                read_value(hint, to_plain(value), where)
         elif not isinstance(value, kinds):
             expected = " or ".join(
                 "None" if kind is type(None) else kind.__name__ for kind in kinds
@@ -303,6 +303,12 @@ def check_types(config: Any) -> None:
             raise where.error(expected, f"a {type(value).__name__}, {reprlib.repr(value)}")
         elif value is not None:
             check_types(value)
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    """Return the types that a hint allows: those of a union, or itself."""
+    is_union = get_origin(hint) in (typing.Union, types.UnionType)
+    return get_args(hint) if is_union else (hint,)
 
 
 def changed_fields(config: Any, default: Any) -> dict[str, Any]:
@@ -353,14 +359,25 @@ def _list_difference(one: list[Any], other: list[Any]) -> str:
     """Return how a list differs from another."""
     if not any(format_value(each).endswith("...") for each in (one, other)):
         return f"{format_value(one)}, not {format_value(other)}"
-    more = [each for each in one if each not in other]
-    missing = [each for each in other if each not in one]
+    more, missing = _without(one, other), _without(other, one)
     if more or missing:
         both = (("with", more), ("without", missing))
         return " and ".join(f"{word} {format_value(some)}" for word, some in both if some)
-    pairs = enumerate(itertools.zip_longest(one, other))
+    pairs = enumerate(zip(one, other, strict=True))
     number, (mine, its) = next((k, pair) for k, pair in pairs if pair[0] != pair[1])
     return f"in another order, the first [{number}]: {format_value(mine)}, not {format_value(its)}"
+
+
+def _without(some: list[Any], others: list[Any]) -> list[Any]:
+    """Return a list without as many of each value as another one has."""
+    left = list(others)
+    kept = []
+    for each in some:
+        if each in left:
+            left.remove(each)
+        else:
+            kept.append(each)
+    return kept
 
 
 def _listed(known: Iterable[str]) -> str:

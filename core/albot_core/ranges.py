@@ -48,8 +48,8 @@ COUNT = Range("a whole number from 0", 0.0, whole=True)
 FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 SHARE = Range("a number within [0, 1]", 0.0, 1.0)
-NEARBY = Range("a length above 0, at most 1000 (m)", 0.0, 1000.0, beyond=True)
-"""Lengths that decide how large a grid is (m)."""
+LENGTH = Range("a length above 0, at most 1000 (m)", 0.0, 1000.0, beyond=True)
+"""Lengths in a building (m)."""
 CELL = Range("a side from 0.01 to 100 (m)", 0.01, 100.0)
 """Sides of the cells of a grid (m): smaller ones would fill all memory."""
 CELLS = Range("a whole number from 2 to 1,024", 2.0, 1024.0, whole=True)

@@ -102,7 +102,7 @@ def write_agents_card(
     if figure is not None and shown is None:
         raise InputError("--figure", "an agent with a learning curve", f"{file} without one")
     if figure is not None:
-        figure.check_apart((card, card.with_suffix(".png")))
+        figure.check_apart((card, card.with_suffix(".png"), file))
     written = write_card(agent, file.stem, card, figures, curves)
     if figure is not None and shown is not None:
         written.append(figure.save(shown.figure()))
@@ -146,10 +146,14 @@ def write_curve(
     )
 
     if out is None and (len(runs) > 1 or runs[0].is_file()):
-        raise InputError("--out", "a folder for the curve of files or of several runs", "none")
+        raise InputError(
+            "--out", "a folder, for the curve of agents' files or of several runs", "none"
+        )
     # The files in the runs' own folder are theirs, made again.
     target = runs[0] if out is None else out
     check_folder(target, FILES, force=force or out is None, figure=figure)
+    if figure is not None:
+        figure.check_apart(runs)
     curves = read_curves(runs)
     with filled_folder(target) as scratch:
         curves.write(scratch)

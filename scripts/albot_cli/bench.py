@@ -91,7 +91,7 @@ def command(
         check_suffix(out, ".md", option="--out")
         check_file(out, force=force)
         check_file(out.with_suffix(".png"), force=force)
-    _check_figure(figure, parts)
+    _check_figure(figure, out, parts)
     if rounds is not None and parts and "env" not in parts:
         raise InputError("--rounds", "--part env, which is measured in rounds", ", ".join(parts))
     measures = _measures(log, rounds or ROUNDS)
@@ -112,11 +112,13 @@ def command(
     click.echo(json.dumps(figures) if as_json else as_text(figures))
 
 
-def _check_figure(figure: FigureFile | None, parts: Sequence[str]) -> None:
-    """Raise InputError if there is a figure, but not the journey that it shows."""
+def _check_figure(figure: FigureFile | None, out: Path | None, parts: Sequence[str]) -> None:
+    """Raise InputError if there is a figure, but not the journey that it shows, or in its way."""
     if figure is not None and "journey" not in parts:
         found = ", ".join(parts) or "all parts"
         raise InputError("--figure", "--part journey, which it shows", found)
+    if figure is not None and out is not None:
+        figure.check_apart((out, out.with_suffix(".png")))
 
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:

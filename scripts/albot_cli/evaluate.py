@@ -203,9 +203,6 @@ def command(
     settings |= {name: value for name, value in given.items() if value is not None}
     settings |= _task_settings(task, config, outward)
     place = None if minari is None else _dataset_place(minari, force)
-    if out is not None:
-        # A run that goes on may have written there what it had.
-        check_folder(out, _FILES, force=force or resume is not None, figure=figure)
     chosen = {name: _settings(task, name, settings, mapper_config) for name in agents}
     trials = {
         name: plan_trials(task, name, worlds, parse_seeds(seeds), its)
@@ -213,23 +210,30 @@ def command(
     }
     judges_success = _check_settings(trials, chosen)
     _check_figure(figure, task, judges_success)
-    recordings = plan_recordings(record, only, batch, [*trials.values()], judges_success, force)
     kept, resumes = rows_place(rows, resume)
     rows_folder = None if kept is None else _rows_folder(ctx, kept, trials, record, minari)
     if place is not None:
         trials[agent] = [replace(trial, keeps_transitions=True) for trial in trials[agent]]
     (its, untrained), began = chosen[agent], time.perf_counter()
-    with own_folders(record, out):
+    with own_folders(record, out) as keep:
+        if out is not None:
+            # A run that goes on may have written there what it had.
+            check_folder(out, _FILES, force=force or resume is not None, figure=figure)
+        recordings = plan_recordings(record, only, batch, [*trials.values()], judges_success, force)
         with open_dataset(place, force=force) as dataset:
             found = run_trials(
                 [*trials.values()], engine, batch, dataset, recordings, rows_folder, resumes=resumes
             )
+        keep(record)
         outcomes = found.outcomes
         facts: dict[str, Any] = {"task": task, "agent": agent}
         facts |= {"mapper": its.get("mapper", entry.mapper), "odometer": odometer}
         facts |= {"faults": faults, "saved_map": saved_map}
-        facts |= {"mapper_config": None if mapper_config is None else str(mapper_config)}
-        facts |= {"config": None if config is None else str(config), "untrained": untrained}
+        facts |= {
+            "mapper_config": None if mapper_config is None else str(mapper_config),
+            "config": None if config is None else str(config),
+            "untrained": untrained,
+        }
         facts |= {"fingerprint": None if entry.file is None else entry.file.fingerprint}
         facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes[0])}
         facts |= {"against": against and _against(against, *chosen[against], outcomes)}
@@ -239,8 +243,8 @@ def command(
         if place is not None and dataset.size["episodes"]:
             facts["files"]["minari"] = place.load
             facts["minari"] = {**place.facts, **dataset.size}
-        files = {"--mapper-config": mapper_config, "--config": config}
-        _write(facts, outcomes, out, figure, files)
+        parameters = {"--mapper-config": mapper_config, "--config": config}
+        _write(facts, outcomes, out, figure, parameters)
     more = continued(ctx, kept) if found.stopped else []
     lines = [*(each.text for each in found.failed), *more]
     click.echo(json.dumps(facts) if as_json else "\n".join([evaluation_text(facts), *lines]))
@@ -437,7 +441,8 @@ def _write(
     if drawn is not None and figure is not None:
         facts["files"]["figure"] = str(figure.save(drawn))
     elif figure is not None:
-        click.echo(f"albot: {figure.path}: not drawn, because no episode failed", err=True)
+        why = "no episode ended" if facts["success_rate"] is None else "no episode failed"
+        click.echo(f"albot: {figure.path}: not drawn, because {why}", err=True)
     if out is not None:
         _save(out, facts, outcomes, given_files, drawn)
 

@@ -134,7 +134,7 @@ def run_experiment(
 
     over = None if seeds is None else parse_seeds(seeds)
     chosen = list(EXPERIMENTS.values()) if name == ALL else [find_experiment(name)]
-    _check_figure(figure, name, force)
+    _check_figure(figure, out, name, force)
     for experiment in chosen:
         experiment.check()
     if out is not None:
@@ -174,12 +174,15 @@ def write_ablation(folder: Path, force: bool) -> None:
     click.echo(str(page))
 
 
-def _check_figure(figure: FigureFile | None, name: str, force: bool) -> None:
-    """Raise InputError if the figure is of no single experiment, or a file of its name exists."""
+def _check_figure(figure: FigureFile | None, out: Path | None, name: str, force: bool) -> None:
+    """Raise InputError if the figure is of no single experiment, or not beside other files."""
     if figure is None:
         return
     if name == ALL:
         raise InputError("--figure", "one experiment", ALL)
+    if out is not None and figure.path.resolve().parent == out.resolve():
+        expected = "a file outside the folder of --out, whose pictures are the report's"
+        raise InputError("--figure", expected, str(figure.path))
     for other in sorted(figure.path.parent.glob(figure.named("*").path.name)):
         check_file(other, force=force)
 

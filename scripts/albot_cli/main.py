@@ -41,9 +41,9 @@ def exit_status(command: click.Command) -> None:
         interrupts.listen()
         returned = command.main(standalone_mode=False)
         status = returned if isinstance(returned, int) else 0
-        use_default_handlers()
+        interrupts.end()
     except BaseException as error:  # noqa: BLE001 - an interrupt may come out as any error
-        use_default_handlers()
+        interrupts.end()
         status = _report_error(error, interrupts)
     sys.exit(interrupts.status if status == STOPPED else status)
 

@@ -21,8 +21,8 @@ from albot_core.files import (
     exists,
     is_stream,
     new_folder,
+    own_folder,
     scratch_folder,
-    sole_writer,
 )
 from albot_core.interrupts import interrupts_deferred
 
@@ -117,11 +117,11 @@ class FigureFile:
         """Return the file of one of several figures: `FILE-NAME` with the same ending."""
         return replace(self, path=self.path.with_stem(f"{self.path.stem}-{name}"))
 
-    def check_apart(self, written: Iterable[Path]) -> None:
-        """Raise InputError if it is one of the files that the command writes besides."""
-        for path in written:
+    def check_apart(self, files: Iterable[Path]) -> None:
+        """Raise InputError if it is one of the files that the command reads or writes besides."""
+        for path in files:
             if path.resolve() == self.path.resolve():
-                expected = "a file other than those that the command writes besides"
+                expected = "a file other than those that the command reads or writes besides"
                 raise InputError("--figure", expected, str(self.path))
 
     def save(self, figure: Figure) -> Path:
@@ -191,20 +191,27 @@ def _figure_file(
 
 
 @contextmanager
-def own_folders(*folders: Path | None) -> Iterator[None]:
-    """Let no other process write into folders during the block, which they are made for.
+def own_folders(*folders: Path | None) -> Iterator[Callable[[Path | None], None]]:
+    """As `own_folder` for each of several folders, of which some may be the same.
 
     Args:
-        folders: The folders; None for none. If the block raises, those that are new are removed.
+        folders: The folders; None for none.
+
+    Yields:
+        Call it with one of them once what that holds is worth keeping.
 
     Raises:
         InputError: A folder cannot be made, or another process writes into it.
     """
+    named = {each.resolve(): each for each in folders if each is not None}
     with ExitStack() as stack:
-        for folder in {each.resolve(): each for each in folders if each is not None}.values():
-            stack.enter_context(new_folder(folder))
-            stack.enter_context(sole_writer(folder, folder))
-        yield
+        keeps = {real: stack.enter_context(own_folder(each)) for real, each in named.items()}
+
+        def keep(folder: Path | None) -> None:
+            if folder is not None:
+                keeps[folder.resolve()]()
+
+        yield keep
 
 
 @contextmanager

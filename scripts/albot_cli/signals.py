@@ -29,6 +29,7 @@ class Interrupts:
     def __init__(self) -> None:
         self.heard: int | None = None
         """Number of the last signal; None if none came."""
+        self._before = sys.unraisablehook
 
     @property
     def status(self) -> int:
@@ -39,7 +40,12 @@ class Interrupts:
         """Raise KeyboardInterrupt from now on."""
         for number in handled_signals():
             signal.signal(number, self._stop)
-        sys.unraisablehook = self._drop
+        self._before, sys.unraisablehook = sys.unraisablehook, self._drop
+
+    def end(self) -> None:
+        """Let signals end the process at once, as `use_default_handlers` does, from now on."""
+        use_default_handlers()
+        sys.unraisablehook = self._before
 
     def _drop(self, dropped: UnraisableHookArgs) -> None:
         """Interrupt again soon, where an interrupt came while Python drops all exceptions.
@@ -47,14 +53,20 @@ class Interrupts:
         It does so in callbacks of C libraries, such as LLVM's while it compiles, and in `__del__`.
         """
         if self.heard is None or not isinstance(dropped.exc_value, KeyboardInterrupt):
-            sys.__unraisablehook__(dropped)
+            self._before(dropped)
             return
         import threading
 
         main = threading.main_thread().ident
         if sys.platform == "win32" or main is None:
             return  # There nothing can wake the main thread.
-        again = threading.Timer(0.05, signal.pthread_kill, (main, self.heard))
+        number = self.heard
+
+        def interrupt() -> None:
+            if signal.getsignal(number) == self._stop:  # The command has not ended since.
+                signal.pthread_kill(main, number)
+
+        again = threading.Timer(0.05, interrupt)
         again.daemon = True
         again.start()
 

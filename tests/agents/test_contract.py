@@ -175,9 +175,13 @@ def test_who_may_act_in_a_revealed_twin_takes_what_it_shows() -> None:
     assert len(twins) >= 9
     for twin in twins:
         for name in agent_names(twin):
-            settings = find_agent(name).environment(twin, {})
+            settings = find_agent(name).environment(
+                twin, SETTINGS.get(twin.replace("Revealed", ""), {})
+            )
             env = gymnasium.make(twin, disable_env_checker=True, **settings)
-            make_agent(name, EnvironmentConfigs.of(env))
+            agent = make_agent(name, EnvironmentConfigs.of(env))
+            observation, info = begin_episode(env, agent, 1)
+            assert env.action_space.contains(choose_action(agent, observation, info))
             env.close()
     with pytest.raises(InputError, match="found homing, which is for Albot/Homing-v0"):
         check_agent("homing", "Albot/HomingRevealed-v0")

@@ -25,6 +25,7 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.recordings import Recording, Recordings, last_frame
 from albot_agents.evaluation.together import run_together
 from albot_agents.evaluation.trial import Outcome, run_trial
+from albot_cli import evaluate
 from albot_cli.evaluation_page import index_page
 from albot_cli.outputs import own_folders
 from albot_core.errors import InputError
@@ -168,6 +169,29 @@ def test_one_process_at_a_time_writes_into_a_folder(
     assert "new: expected a folder that no other process writes into, found one that does" in err
     assert not list((tmp_path / "new").iterdir())
     assert run(*map(str, words))[0] == 0
+
+
+def test_recordings_stay_whatever_comes_after_the_episodes(
+    run: Albot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> None:
+        raise InputError("failures.png", "room on the disk")
+
+    monkeypatch.setattr(evaluate, "_write", fail)
+    words = (*WORDS, "--agent", "random", "--seeds", "1..2", "--steps", "5")
+    assert run(*words, "--record", str(tmp_path / "new"))[0] == 2
+    assert len(list((tmp_path / "new").glob("*.mcap"))) == 2
+
+
+def test_who_is_refused_removes_nothing(tmp_path: Path) -> None:
+    with own_folders(tmp_path / "a" / "new", tmp_path / "a" / "new", None):
+        (tmp_path / "a" / "new" / "mine").touch()
+        with pytest.raises(InputError, match="no other process"), own_folders(tmp_path / "a/new"):
+            pass
+    assert (tmp_path / "a" / "new" / "mine").exists()
+    with pytest.raises(InputError, match="later"), own_folders(tmp_path / "b" / "new"):
+        raise InputError("later", "something else")
+    assert not (tmp_path / "b").exists()
 
 
 def test_a_figure_of_no_failures_is_told(run: Albot, tmp_path: Path) -> None:

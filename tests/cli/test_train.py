@@ -131,14 +131,14 @@ def test_several_seeds_give_one_curve(
     assert (status, json.loads(out)["seeds"]) == (0, [2, 5])
     assert (tmp_path / "curve.pdf").is_file()
     one_by_one = (folder / "seed-2", folder / "seed-5")
-    assert "--out: expected a folder for the curve" in run("agents", "curve", *one_by_one)[2]
+    assert "--out: expected a folder, for the curve" in run("agents", "curve", *one_by_one)[2]
     status, out, _ = run("agents", "curve", *one_by_one, "--out", tmp_path / "curves")
     assert (status, len(out.splitlines())) == (0, 4)
     table = (tmp_path / "curves" / "curve.csv").read_text()
     assert table == (folder / "curve.csv").read_text()
     assert "--force" in run("agents", "curve", folder, "--out", tmp_path / "curves")[2]
     files = [each / "last.albot" for each in one_by_one]
-    assert "--out: expected a folder for the curve" in run("agents", "curve", files[0])[2]
+    assert "--out: expected a folder, for the curve" in run("agents", "curve", files[0])[2]
     assert run("agents", "curve", *files, "--out", tmp_path / "curves", "--force")[0] == 0
     assert (tmp_path / "curves" / "curve.csv").read_text() == table
 

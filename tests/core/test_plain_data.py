@@ -171,6 +171,8 @@ def test_of_long_lists_it_is_told_what_differs() -> None:
     assert differences(fewer, more) == ["parts without [part_0, last]"]
     other = {"parts": [*parts[:-1], "other"]}
     assert differences({"parts": parts}, other) == ["parts with [part_19] and without [other]"]
+    assert differences([*parts, "part_3"], parts) == [" with [part_3]"]
+    assert differences([None, *parts, None], [None, *parts]) == [" with [null]"]
     turned = {"parts": parts[::-1]}
     expected = "parts in another order, the first [0]: part_0, not part_19"
     assert differences({"parts": parts}, turned) == [expected]

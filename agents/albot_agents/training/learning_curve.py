@@ -253,7 +253,7 @@ def _runs(source: Path) -> Iterator[_Run]:
     paths = [source, *sorted(source.glob(f"{SEED_FOLDERS}*"))]
     runs = [run for run in map(RunFolder, paths) if run.plan.is_file() and run.monitor.is_file()]
     if not runs:
-        expected = "the folder of a training run, that of those of several seeds, or an agent file"
+        expected = "the folder of a training run or of several seeds, or an agent's file"
         raise InputError(source, expected)
     for run in runs:
         # The agent of the last checkpoint has the whole curve.

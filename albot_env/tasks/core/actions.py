@@ -149,13 +149,21 @@ class ActionConfig:
                 raise TypeError
             numbers = numbers.astype(np.float64)
         except (TypeError, ValueError, OverflowError):
-            found = reprlib.repr(action)
+            found = _shown(action)
         else:
             if numbers.shape == shape:
                 return numbers
             found = f"shape {numbers.shape}"
         expected = self._expected if len(shape) == 1 else f"{self._expected} for each of {shape[0]}"
         raise InputError(environment, expected, found, place="action")
+
+
+def _shown(action: Any) -> str:
+    """Return an action as an error shows it."""
+    try:
+        return reprlib.repr(action)
+    except ValueError:  # Python writes no whole number of more than some thousand digits.
+        return "numbers that are too large"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,7 +45,7 @@ def choose_worlds(
             found = loaded.get(key) or load_worlds(spec, robot_radius)
         except InputError as error:
             raise named(error, f"{environment}, world of environment {row}") from None
-        loaded[key] = found  # None is never looked up: such a spec was refused.
+        loaded[key] = found  # Never for None: such a spec was refused.
         chosen.append(found)
     return chosen
 

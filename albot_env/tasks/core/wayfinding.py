@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
-from albot_core.ranges import CELL, FROM_ONE, NEARBY, SHARE, Range, check_fields
+from albot_core.ranges import CELL, FROM_ONE, LENGTH, SHARE, Range, check_fields
 from albot_core.robot import PIONEER_3DX
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
@@ -19,6 +19,8 @@ from albot_env.tasks.core.wayfinding_kernels import (
     clear_occupancy,
 )
 
+_MOST_CELLS = 10_000
+"""Largest number of cells in a length that decides how large a grid is."""
 _WORTH = Range("a number from 1, or infinity", 1.0, infinite=True)
 
 
@@ -64,13 +66,17 @@ class WayfindingConfig:
 
     def __post_init__(self) -> None:
         bodies = "clearance", "comfort_clearance"
-        check_fields(self, NEARBY, "reach", *bodies, "margin", "first", "last", "ahead", "about")
+        check_fields(self, LENGTH, "reach", *bodies, "margin", "first", "last", "ahead", "about")
         check_fields(self, CELL, "cell")
         check_fields(self, _WORTH, "worth")
         check_fields(self, FROM_ONE, "every")
         check_fields(self, SHARE, "new_share")
         self._check("comfort_clearance", self.clearance)
         self._check("last", self.first)
+        longest = max(self.reach, self.margin, self.last, self.about)
+        if longest > _MOST_CELLS * self.cell:
+            expected = f"a side of which {_MOST_CELLS:,} make {longest:g} m, the longest of grids"
+            raise InputError("WayfindingConfig.cell", expected, str(self.cell))
         self.search(PIONEER_3DX.radius)
 
     def _check(self, name: str, least: float) -> None:

@@ -37,7 +37,8 @@ class HomingWeights(Weights):
     Two terms are differences of potentials: a step's term is Φ after it - Φ before it. Progress
     has Φ = -`progress` · true way home (m). Facing has Φ = -`facing` · (1 - cos α) / 2, where α is
     the angle from the robot's heading to the next turn of the true way home. So the plain sum of
-    an episode's terms depends on nothing but where the robot began and where it ended: driving to
+    an episode's terms depends on nothing but where the robot began and where it ended (and on what
+    faults of the world do to it, for which nothing is paid): driving to
     and fro, or waiting, gains nothing, and whoever adds up rewards ranks policies as a learner
     does that discounts them. Ng, Harada and Russell (Policy invariance under reward
     transformations, ICML 1999) multiply Φ after a step by the learner's discount γ, which leaves

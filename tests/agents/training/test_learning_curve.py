@@ -134,12 +134,12 @@ def test_runs_that_do_not_belong_together_are_refused(seeds: Path, trained: Trai
         InputError, match=r"seed-3/config.yml: expected a plan that .* in its seed, found gamma 0.5"
     ):
         read_curves([seeds])
-    with pytest.raises(InputError, match="expected the folder of a training run, that"):
+    with pytest.raises(InputError, match="expected the folder of a training run or of several"):
         read_curves([seeds / "seed-3" / "checkpoints"])
     sent = Path(shutil.copy(seeds / "seed-0" / "last.albot", seeds / "sent.albot"))
     with pytest.raises(InputError, match=r"sent.albot: .* another seed .*seed-0, found 0"):
         read_curves([seeds / "seed-0", sent])
-    with pytest.raises(InputError, match=r"monitor.csv: expected "):
+    with pytest.raises(InputError, match=r"monitor.csv: expected an intact agent file"):
         read_curves([seeds / "seed-0" / "monitor.csv"])
 
 

@@ -8,6 +8,7 @@ import gymnasium
 import pytest
 
 from albot_core.errors import InputError
+from albot_env.tasks.core.wayfinding import WayfindingConfig
 
 
 def test_of_an_unknown_mapper_it_is_said_that_there_may_be_none() -> None:
@@ -33,6 +34,8 @@ def test_a_number_too_large_for_a_float_is_refused() -> None:
     env.reset(seed=0)
     with pytest.raises(InputError, match="action: expected 3 finite numbers"):
         env.step([10**400, 0, 0])
+    with pytest.raises(InputError, match="found numbers that are too large"):
+        env.step([10**5000, 0, 0])
     env.close()
 
 
@@ -55,3 +58,8 @@ def test_what_would_fill_all_memory_is_refused_by_name(values: dict[str, Any]) -
     place = ".".join(("config.observations", name, *(inner if isinstance(inner, dict) else ())))
     with pytest.raises(InputError, match=rf"{place}: expected a "):
         gymnasium.make("Albot/Explore-v0", config={"observations": values})
+
+
+def test_cells_too_small_for_the_grid_are_refused() -> None:
+    with pytest.raises(InputError, match=r"WayfindingConfig.cell: expected a side of which 10,000"):
+        WayfindingConfig(cell=0.01, reach=1000.0)
