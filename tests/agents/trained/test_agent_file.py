@@ -277,7 +277,7 @@ def test_other_arrays_are_refused(
         (("settings", "config", "observations", "laser_sectors"), 6, "observations of 8 numbers"),
         (
             ("settings", "config", "observations"),
-            {"coverage": {"patch_cells": 10**9}},
+            {"coverage": {"patch_cells": 1000}},
             "observations of 8 numbers",
         ),
         (("training", "curve"), {"samples": "x"}, "training.curve.samples: expected a list"),
