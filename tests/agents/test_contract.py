@@ -180,8 +180,9 @@ def test_who_may_act_in_a_revealed_twin_takes_what_it_shows() -> None:
             )
             env = gymnasium.make(twin, disable_env_checker=True, **settings)
             agent = make_agent(name, EnvironmentConfigs.of(env))
-            observation, info = begin_episode(env, agent, 1)
-            assert env.action_space.contains(choose_action(agent, observation, info))
+            if name == agent_names(twin)[-1]:  # One is enough, and an episode takes a second.
+                observation, info = begin_episode(env, agent, 1)
+                assert env.action_space.contains(choose_action(agent, observation, info))
             env.close()
     with pytest.raises(InputError, match="found homing, which is for Albot/Homing-v0"):
         check_agent("homing", "Albot/HomingRevealed-v0")

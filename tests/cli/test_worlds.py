@@ -408,4 +408,4 @@ def test_a_world_is_checked_for_a_robot(albot, tmp_path):
     assert "hut.yaml, line 6, starts[0]: expected free space of radius 0.34 m, found a" in err
     status, _, err = albot("check", "hut.yaml", "--robot", "turtle")
     assert status == 2
-    assert "--robot, robot: expected one of pioneer-3dx, kobuki, peoplebot" in err
+    assert "--robot: expected one of pioneer-3dx, kobuki, peoplebot" in err
