@@ -344,19 +344,14 @@ def sole_writer(file: Path, folder: Path, patience: float = 0.0) -> Iterator[Non
     Raises:
         InputError: Another process is in the block, or the file is missing.
     """
-    if sys.platform == "win32" and file.is_dir():  # A folder cannot be opened there.
-        yield
+    if file.is_dir() and (sys.platform == "win32" or not os.access(file, os.R_OK)):
+        yield  # A folder is locked as one that is read, which is not possible here.
         return
     try:
         # NFS locks only what may be written, which a folder is not.
         opened = os.open(file, os.O_RDONLY if file.is_dir() else os.O_RDWR)
     except FileNotFoundError:
         raise MissingFileError(file) from None
-    except PermissionError:
-        if not file.is_dir():
-            raise
-        yield  # A folder that may be written but not read.
-        return
     try:
         until = time.monotonic() + patience
         while not _lock(opened):

@@ -293,8 +293,9 @@ def check_types(config: Any) -> None:
         name, hint, value = each.name, hints[each.name], getattr(config, each.name)
         where = Location(f"{type(config).__name__}.{name}")
         kinds = _alternatives(hint)
-        if not any(dataclasses.is_dataclass(kind) for kind in kinds):
-            if bool in kinds and not isinstance(value, bool | np.bool_ | types.NoneType):
+        holds_config = any(dataclasses.is_dataclass(kind) for kind in kinds)
+        if not holds_config or not all(isinstance(kind, type) for kind in kinds):
+            if bool in kinds:
                 read_value(hint, to_plain(value), where)
         elif not isinstance(value, kinds):
             expected = " or ".join(

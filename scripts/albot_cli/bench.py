@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from albot_cli.count_type import CountType
 from albot_cli.long_run_page import journey_figure, write_long_run
+from albot_cli.number_types import CountType
 from albot_cli.outputs import FORCE, JSON, FigureFile, check_file, check_suffix, figure_options
 from albot_cli.path_type import PathType
 from albot_cli.peers_page import range_accuracy, write_peers

@@ -14,9 +14,9 @@ from click.core import ParameterSource
 
 from albot_cli import completion
 from albot_cli.bag_options import bag_options
-from albot_cli.count_type import CountType
 from albot_cli.engine_options import engine_options
 from albot_cli.mappers import read_mapper_config
+from albot_cli.number_types import CountType
 from albot_cli.outputs import (
     FORCE,
     JSON,

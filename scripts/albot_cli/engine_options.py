@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 import click
 
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

@@ -16,11 +16,11 @@ import click
 
 from albot_cli import completion
 from albot_cli.config import config_option, read_task_config
-from albot_cli.count_type import CountType
 from albot_cli.engine_options import engine_options
 from albot_cli.evaluation_text import evaluation_text
 from albot_cli.faults import faults_option
 from albot_cli.mappers import mapper_config_option, read_robots_config
+from albot_cli.number_types import CountType
 from albot_cli.outputs import (
     FORCE,
     JSON,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.drawing.figure import PRINT_DPI, SUFFIXES, check_figure_name, save_figure
 from albot_core.errors import InputError

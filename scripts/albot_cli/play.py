@@ -16,10 +16,10 @@ from click.core import ParameterSource
 
 from albot_cli import completion
 from albot_cli.config import config_option
-from albot_cli.count_type import CountType, RealType
 from albot_cli.faults import faults_option
 from albot_cli.grid_type import Grid, GridType
 from albot_cli.mappers import mapper_config_option
+from albot_cli.number_types import CountType, RealType
 from albot_cli.outputs import (
     FORCE,
     JSON,

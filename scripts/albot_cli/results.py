@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from albot_cli import completion
-from albot_cli.count_type import CountType
 from albot_cli.engine_options import engine_options
 from albot_cli.mapper_results import (
     EVERY,
@@ -20,6 +19,7 @@ from albot_cli.mapper_results import (
     measure_costs,
     rows_of_mappers,
 )
+from albot_cli.number_types import CountType
 from albot_cli.outputs import JSON, check_file, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress

@@ -15,10 +15,10 @@ import click
 from click.core import ParameterSource
 
 from albot_cli import completion
-from albot_cli.count_type import CountType, RealType
 from albot_cli.engine_options import engine_options
 from albot_cli.faults import faults_option
 from albot_cli.mappers import mapper_config_option, read_robots_config
+from albot_cli.number_types import CountType, RealType
 from albot_cli.outputs import JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress

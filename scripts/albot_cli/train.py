@@ -15,8 +15,8 @@ import click
 
 from albot_agents.engine.choice import LOCAL, make_engine
 from albot_cli import completion
-from albot_cli.count_type import CountType
 from albot_cli.engine_options import ADDRESS, ENGINE
+from albot_cli.number_types import CountType
 from albot_cli.outputs import JSON, check_folder
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress

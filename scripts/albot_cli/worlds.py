@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from albot_cli import completion
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.outputs import (
     FORCE,
     JSON,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from albot_cli.count_type import CountType, RealType
+from albot_cli.number_types import CountType, RealType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.counts import many

@@ -14,7 +14,7 @@ from queue import Queue
 
 import click
 
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.errors import InputError

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from albot_cli.count_type import CountType, RealType
+from albot_cli.number_types import CountType, RealType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.files import write_text

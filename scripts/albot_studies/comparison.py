@@ -20,8 +20,8 @@ from PIL import Image
 from albot_agents.engine.local import LocalEngine
 from albot_cli.compare import explored_sources, recorded_sources
 from albot_cli.comparison_report import FIGURES, as_markdown, panels_of, rows_of
-from albot_cli.count_type import CountType
 from albot_cli.mapper_runs import MapperChoice, Source, compare_mappers
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.drawing.figure import save_figure
 from albot_core.errors import InputError

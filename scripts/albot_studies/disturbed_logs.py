@@ -15,8 +15,8 @@ from typing import Any
 import click
 import numpy as np
 
-from albot_cli.count_type import CountType
 from albot_cli.mapping_run import run_mapper
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.intervals import bootstrap_ratio

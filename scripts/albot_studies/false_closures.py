@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, trajectory_error

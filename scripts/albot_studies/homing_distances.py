@@ -22,7 +22,7 @@ from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_agents.registry import check_agent, find_agent
 from albot_agents.training.learning_curve import SEED_FOLDERS
 from albot_agents.training.run_files import LAST_AGENT
-from albot_cli.count_type import RealType
+from albot_cli.number_types import RealType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress

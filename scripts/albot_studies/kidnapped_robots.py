@@ -24,7 +24,7 @@ import numpy as np
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import patrol
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.evaluation.intervals import wilson
 from albot_core.files import write_text

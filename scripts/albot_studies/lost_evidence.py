@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import minimize
 
 from albot_agents.evaluation.plan import parse_seeds
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.geometry.types import Pose

@@ -14,9 +14,9 @@ from typing import Any
 import click
 import numpy as np
 
-from albot_cli.count_type import CountType
 from albot_cli.explored_logs import Exploration, explore
 from albot_cli.mapping_run import run_mapper
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import write_text

@@ -27,7 +27,7 @@ import numpy as np
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import STEPS, patrol
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress

@@ -23,7 +23,7 @@ from albot_agents.engine.choice import LOCAL, RAY, make_engine
 from albot_agents.engine.engine import Engine, OnStep
 from albot_agents.engine.rows import TAIL, Manifest, RowsFolder
 from albot_benchmarks.timing import describe_machine
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.outputs import JSON
 from albot_cli.path_type import PathType
 from albot_core.errors import InputError

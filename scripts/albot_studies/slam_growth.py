@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 import numpy as np
 
-from albot_cli.count_type import CountType
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_cli.progress import progress
 from albot_core.drawing.figure import save_figure

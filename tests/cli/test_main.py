@@ -17,9 +17,9 @@ import yaml
 import albot_env
 from albot_agents.registry import EXPLORE, agent_names
 from albot_cli import mappers, progress
-from albot_cli.count_type import CountType
 from albot_cli.group import albot
 from albot_cli.main import main
+from albot_cli.number_types import CountType
 from albot_cli.path_type import PathType
 from albot_core.files import atomic_write
 from tests import processes

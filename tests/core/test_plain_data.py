@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import math
-from dataclasses import replace
-from pathlib import PurePosixPath
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
 import numpy as np
@@ -189,6 +189,27 @@ def test_a_configuration_made_in_python_has_its_types(task: str) -> None:
         wrong = _with(config.observations, has_compass=1)
         with pytest.raises(InputError, match=r"^ObservationConfig.has_compass: .* found 1"):
             check_types(replace(config, observations=wrong))
+
+
+@dataclass(frozen=True)
+class _Own:
+    """A configuration as the mappers of others may have it."""
+
+    is_on: bool = True
+    maybe: bool | None = None
+    path: Path = Path()
+    array: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    names: frozenset[str] = frozenset({"a"})
+    places: tuple[Location, ...] = (WHERE,)
+    one_or_more: Location | tuple[Location, ...] = (WHERE,)
+
+
+def test_fields_of_any_other_type_are_their_owners_to_check() -> None:
+    check_types(_Own())
+    with pytest.raises(InputError, match=r"_Own.is_on: expected true or false, found null"):
+        check_types(_with(_Own(), is_on=None))
+    with pytest.raises(InputError, match=r"_Own.maybe: expected true or false, found 'no'"):
+        check_types(_with(_Own(), maybe="no"))
 
 
 def _with(config: Any, **values: Any) -> Any:

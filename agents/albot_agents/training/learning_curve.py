@@ -188,10 +188,10 @@ def read_curves(sources: Sequence[Path]) -> LearningCurves:
         others = differences(_shared(run.plan), _shared(first.plan))
         if others:
             expected = f"a plan that differs from that of {first.path} only in its seed"
-            raise InputError(run.of_plan, expected, "; ".join(others))
+            raise InputError(run.plan_file, expected, "; ".join(others))
         if run.plan.seed in found:
             expected = f"another seed than that of {found[run.plan.seed].path}"
-            raise InputError(run.of_plan, expected, str(run.plan.seed))
+            raise InputError(run.plan_file, expected, str(run.plan.seed))
         found[run.plan.seed] = run
     curves = {seed: run.curve for seed, run in sorted(found.items()) if run.curve.get("samples")}
     if not curves:
@@ -236,7 +236,7 @@ class _Run(NamedTuple):
 
     path: Path
     """Its folder, or the file of an agent of it."""
-    of_plan: Path
+    plan_file: Path
     """The file with its plan."""
     plan: TrainingPlan
     """The plan."""

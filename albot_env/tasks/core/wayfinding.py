@@ -20,7 +20,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
 )
 
 _MOST_CELLS = 10_000
-"""Largest number of cells in a length that decides how large a grid is."""
+"""Largest number of cells along a length that decides how large a grid is."""
 _WORTH = Range("a number from 1, or infinity", 1.0, infinite=True)
 
 
@@ -75,7 +75,7 @@ class WayfindingConfig:
         self._check("last", self.first)
         longest = max(self.reach, self.margin, self.last, self.about)
         if longest > _MOST_CELLS * self.cell:
-            expected = f"a side of which {_MOST_CELLS:,} make {longest:g} m, the longest of grids"
+            expected = f"a side from {longest / _MOST_CELLS:g} m, for {_MOST_CELLS:,} cells at most"
             raise InputError("WayfindingConfig.cell", expected, str(self.cell))
         self.search(PIONEER_3DX.radius)
 

@@ -61,5 +61,5 @@ def test_what_would_fill_all_memory_is_refused_by_name(values: dict[str, Any]) -
 
 
 def test_cells_too_small_for_the_grid_are_refused() -> None:
-    with pytest.raises(InputError, match=r"WayfindingConfig.cell: expected a side of which 10,000"):
+    with pytest.raises(InputError, match=r"WayfindingConfig.cell: expected a side from 0.1 m"):
         WayfindingConfig(cell=0.01, reach=1000.0)
