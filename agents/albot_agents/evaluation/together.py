@@ -6,7 +6,7 @@ last bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -57,7 +57,7 @@ def run_together(
         observations, infos = batch.reset(seed=[trial.seed for trial in trials])
         configs = _configs(batch)
         logs = [
-            EpisodeLog(trial, configs, _observation(observations, k), _row(infos, k))
+            EpisodeLog(trial, configs, _observation(observations, k), _Info(infos, k))
             for k, trial in enumerate(trials)
         ]
         spaces = batch.single_observation_space, batch.single_action_space
@@ -71,16 +71,16 @@ def run_together(
             on_step(max(log.steps for log in logs) + 1)
             shown = [_observation(observations, k) for k in range(len(trials))]
             actions = [
-                choose_action(agent, seen, _row(infos, k) if agent.knows_truth else {})
+                choose_action(agent, seen, _Info(infos, k))
                 for k, (agent, seen) in enumerate(zip(agents, shown, strict=True))
             ]
             observations, rewards, terminated, truncated, infos = batch.step(np.array(actions))
             ended = terminated | truncated
             for k, (log, transitions) in enumerate(zip(logs, kept, strict=True)):
                 if not log.over:
-                    seen, info = _observation(observations, k), _row(infos, k)
+                    seen, info = _observation(observations, k), _Info(infos, k)
                     if ended[k]:  # The batch shows the next episode already.
-                        seen, info = infos["final_obs"][k], _row(infos["final_info"], k)
+                        seen, info = infos["final_obs"][k], _Info(infos["final_info"], k)
                     log.add(seen, info, over=bool(ended[k]))
                     if transitions is not None:
                         ends = bool(terminated[k]), bool(truncated[k])
@@ -116,17 +116,37 @@ def _configs(batch: Any) -> EnvironmentConfigs:
     return EnvironmentConfigs(*(getattr(batch, name) for name in names))
 
 
-def _row(infos: Mapping[str, Any], k: int) -> dict[str, Any]:
-    """Return the info of one environment, without the terms of its reward."""
-    return {
-        name: values[k]
-        for name, values in infos.items()
-        if not name.startswith("_") and isinstance(values, np.ndarray)
-    }
-
-
 def _observation(observations: Any, k: int) -> Any:
     """Return the observation of one environment, flat or in parts."""
     if isinstance(observations, Mapping):
         return {name: rows[k] for name, rows in observations.items()}
     return observations[k]
+
+
+class _Info(Mapping[str, Any]):
+    """The info of one environment of a batch, without the terms of its reward.
+
+    It looks up what is asked for: most of an info is asked for at an episode's end alone.
+
+    Args:
+        infos: The batch's infos, which the batch's next step changes.
+        k: Number of the environment.
+    """
+
+    def __init__(self, infos: Mapping[str, Any], k: int) -> None:
+        self._infos, self._k = infos, k
+
+    def __getitem__(self, name: str) -> Any:
+        """Return what the info holds under a name."""
+        values = self._infos[name]
+        if name.startswith("_") or not isinstance(values, np.ndarray):
+            raise KeyError(name)
+        return values[self._k]
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names."""
+        return (name for name in self._infos if name in self)
+
+    def __len__(self) -> int:
+        """Return the number of names."""
+        return sum(1 for _ in self)

@@ -206,7 +206,9 @@ def _search_onward(
     """Find the shortest way to ground with at least this share of new ground around it, if any.
 
     The search starts with a small range, which is much faster, and doubles the range while it
-    finds nothing and may be limited by the range.
+    finds nothing and may be limited by the range. Late in an exploration it would search all that
+    the robot knows, time and again, for what is not there. So a range without such ground is passed
+    over, and before the first wider one it is tried whether there is any within reach.
     """
     way, grid = occupancy.onwards[i], occupancy_of(occupancy, i)
     start = _cell(grid, occupancy.beliefs[i], search.cell)
@@ -215,16 +217,20 @@ def _search_onward(
         low, high = _box(grid, start, start, int(around / search.cell))
         if not _is_inside(start, low, high, search):
             return False
+        goes_on = around < search.last
         part = grid[low[0] : high[0], low[1] : high[1]].copy()
-        _mark_uncovered(part, low, grid.shape[0] // 2, search, covered, i, least)
-        before = np.empty(part.shape, np.int64)
-        here = start[0] - low[0], start[1] - low[1]
-        ways, last = search_grid(part, here, search.radii, before, False, _NOWHERE)
-        if last[0] >= 0:
-            _tell_way(part, low, grid.shape[0] // 2, trace_path(ways, before, last), search, way)
-            way[LENGTH] = ways[last] / STEP * search.cell
-            return True
-        goes_on = around < search.last and _comes_to_the_edge(ways, int(search.radii[1]))
+        if _mark_uncovered(part, low, grid.shape[0] // 2, search, covered, i, least):
+            before = np.empty(part.shape, np.int64)
+            here = start[0] - low[0], start[1] - low[1]
+            ways, last = search_grid(part, here, search.radii, before, False, _NOWHERE)
+            if last[0] >= 0:
+                cells = trace_path(ways, before, last)
+                _tell_way(part, low, grid.shape[0] // 2, cells, search, way)
+                way[LENGTH] = ways[last] / STEP * search.cell
+                return True
+            goes_on = goes_on and _comes_to_the_edge(ways, int(search.radii[1]))
+        if around == search.first:
+            goes_on = goes_on and _may_reach_new(grid, start, search, covered, i, least)
         around = min(2 * around, search.last)
     return False
 
@@ -256,38 +262,103 @@ def _mark_uncovered(
     covered: CoverageGrid,
     i: int,
     least: float,
-) -> None:
-    """Mark the free cells of a part of a grid that are uncovered and inside the coverage grid.
+) -> bool:
+    """Mark the free cells of a part of a grid that are uncovered; return whether there are any.
 
-    Of the square around each, at least the share `least` must be new. `low` is the part's first
-    cell; `half` is the number of cells before the map's origin.
+    Only cells count that are inside the coverage grid and that a search could reach. Of the square
+    around each, at least the share `least` must be new. `low` is the part's first cell; `half` is
+    the number of cells before the map's origin.
     """
     extent, cell = covered.sides[i] / 2 * covered.cell, search.cell
-    for row in range(part.shape[0]):
+    border, marks = int(search.radii[1]), False
+    for row in range(border, part.shape[0] - border):
         y = (low[0] + row - half + 0.5) * cell
-        for column in range(part.shape[1]):
+        for column in range(border, part.shape[1] - border):
             x = (low[1] + column - half + 0.5) * cell
             could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
             if could_be and not is_covered(covered, i, x, y):
                 place = row, column
-                if least <= 0.0 or _new_share(part, place, (x, y), search, covered, i) >= least:
-                    part[row, column] = TARGET
+                if _is_too_near(part, place, search.radii[0]):
+                    continue  # `search_grid` ends at none of these.
+                if _is_new_around(part, place, (x, y), search, covered, i, least):
+                    part[row, column], marks = TARGET, True
+    return marks
+
+
+@kernel(arrays=True)
+def _may_reach_new(
+    grid: np.ndarray,
+    start: tuple[int, int],
+    search: SearchParams,
+    covered: CoverageGrid,
+    i: int,
+    least: float,
+) -> bool:
+    """Whether the robot may reach ground with at least this share of new ground around it.
+
+    If not, no search finds a way there. Robot i reaches the same cells by `search_grid` in the
+    widest range. Obstacles are no new ground, but here they are taken for it: a narrower range does
+    not see those beyond its edge.
+    """
+    low, high = _box(grid, start, start, int(search.last / search.cell))
+    part, half = grid[low[0] : high[0], low[1] : high[1]], grid.shape[0] // 2
+    rows, columns = part.shape
+    border, extent = int(search.radii[1]), covered.sides[i] / 2 * covered.cell
+    here, near = (start[0] - low[0], start[1] - low[1]), (search.radii[0] + 1) ** 2
+    reached = np.zeros((rows, columns), np.bool_)
+    waiting = np.empty(rows * columns, np.int32)
+    waiting[0], count = here[0] * columns + here[1], 1
+    reached[here] = True
+    while count:
+        count -= 1
+        row, column = waiting[count] // columns, waiting[count] % columns
+        x = (low[1] + column - half + 0.5) * search.cell
+        y = (low[0] + row - half + 0.5) * search.cell
+        could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
+        is_new = could_be and not is_covered(covered, i, x, y)
+        if is_new and _is_new_around(part[:0], (row, column), (x, y), search, covered, i, least):
+            return True
+        for r in range(max(border, row - 1), min(rows - border, row + 2)):
+            for c in range(max(border, column - 1), min(columns - border, column + 2)):
+                if reached[r, c] or part[r, c] == BLOCKED:
+                    continue
+                is_free = part[r, c] == FREE and not _is_too_near(part, (r, c), search.radii[0])
+                if is_free or (r - here[0]) ** 2 + (c - here[1]) ** 2 <= near:
+                    reached[r, c] = True
+                    waiting[count] = r * columns + c
+                    count += 1
+    return False
 
 
 @kernel()
-def _new_share(
+def _is_too_near(part: np.ndarray, place: tuple[int, int], radius: float) -> bool:
+    """Whether a cell is so near a blocked one that `search_grid` ends at no target there."""
+    around = int(radius)
+    for row in range(max(0, place[0] - around), min(part.shape[0], place[0] + around + 1)):
+        for column in range(max(0, place[1] - around), min(part.shape[1], place[1] + around + 1)):
+            apart = (row - place[0]) ** 2 + (column - place[1]) ** 2
+            if part[row, column] == BLOCKED and apart <= radius * radius:
+                return True
+    return False
+
+
+@kernel()
+def _is_new_around(
     part: np.ndarray,
     place: tuple[int, int],
     point: tuple[float, float],
     search: SearchParams,
     covered: CoverageGrid,
     i: int,
-) -> float:
-    """Return the share of the square around a cell that is neither covered nor blocked.
+    least: float,
+) -> bool:
+    """Whether at least a share of the square around a cell is neither covered nor blocked.
 
     Of the square, only a grid of 5 × 5 points is looked at.
     """
-    new = 0
+    if least <= 0.0:
+        return True
+    new = 25
     for down in range(-2, 3):
         dy = down * search.about / 2
         row = place[0] + round(dy / search.cell)
@@ -296,8 +367,10 @@ def _new_share(
             column = place[1] + round(dx / search.cell)
             inside = 0 <= row < part.shape[0] and 0 <= column < part.shape[1]
             blocked = inside and part[row, column] == BLOCKED
-            new += not blocked and not is_covered(covered, i, point[0] + dx, point[1] + dy)
-    return new / 25
+            new -= blocked or is_covered(covered, i, point[0] + dx, point[1] + dy)
+            if new / 25 < least:
+                return False
+    return True
 
 
 @kernel()

@@ -12,11 +12,27 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
+from albot_core.planning.grid_search import (
+    BLOCKED,
+    FREE,
+    STEP,
+    TARGET,
+    UNKNOWN,
+    search_grid,
+    trace_path,
+)
 from albot_core.planning.occupancy_grid import OccupancyGridConfig
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
+from albot_env.tasks.core.coverage_kernels import CoverageGrid, is_covered
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
-from albot_env.tasks.core.wayfinding import WayfindingConfig
+from albot_env.tasks.core.wayfinding import WayfindingConfig, empty_occupancy, with_occupancy
+from albot_env.tasks.core.wayfinding_kernels import (
+    OccupancyGrids,
+    _tell_way,
+    find_onward,
+    occupancy_of,
+)
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_env.tasks.homing.task import HomingConfig
@@ -111,6 +127,81 @@ def test_a_belief_that_jumps_begins_an_empty_grid() -> None:
     jumped.look_again(there, FAR_WALL, home)
     assert abs(stayed.ways.shortcut(ANY)[1] - 1.0) > 0.8
     assert abs(jumped.ways.shortcut(ANY)[1] - 1.0) < 0.8
+
+
+SEARCH = replace(CONFIG, first=3.0, last=12.0, new_share=0.75, about=1.2).search(0.25)
+"""A search that widens its range often."""
+
+
+def _rooms(seed: int) -> tuple[OccupancyGrids, CoverageGrid]:
+    """A known ground of free, blocked and unseen blocks of cells, of which much is covered."""
+    rng = np.random.default_rng(seed)
+    occupancy = with_occupancy(empty_occupancy(1), 0, CONFIG.side(8.0))
+    cells = occupancy_of(occupancy, 0)
+    coarse = rng.choice((FREE, UNKNOWN, BLOCKED), (len(cells) // 4 + 1,) * 2, p=(0.86, 0.07, 0.07))
+    cells[:] = np.kron(coarse, np.ones((4, 4), np.int8))[: len(cells), : len(cells)]
+    occupancy.beliefs[0] = (*rng.uniform(-6, 6, 2), 0.0)
+    ground = Coverage(CoverageConfig(), 10.0)
+    for _ in range(rng.integers(0, 150)):
+        at = np.array((*rng.uniform(-9, 9, 2), 0.0))
+        ground.add(at, scan_from(at, FAR_WALL, ALL_ROUND))
+    return occupancy, ground.ground
+
+
+def _plainly(occupancy: OccupancyGrids, covered: CoverageGrid) -> np.ndarray:
+    """The way to new ground: each range is searched, until one need not be wider."""
+    cells, way = occupancy_of(occupancy, 0), np.array((np.nan, np.nan, np.inf))
+    half, border = len(cells) // 2, int(SEARCH.radii[1])
+    start = np.floor(occupancy.beliefs[0, 1::-1] / SEARCH.cell + 1e-6).astype(int) + half
+    for least in (SEARCH.new_share, 0.0):
+        around = SEARCH.first
+        while True:
+            low = np.maximum(start - int(around / SEARCH.cell), 0)
+            high = np.minimum(start + int(around / SEARCH.cell) + 1, len(cells))
+            here = start - low
+            if min(*here, *(high - start - 1)) < border:
+                break
+            part = cells[low[0] : high[0], low[1] : high[1]].copy()
+            _mark(part, low - half, covered, least)
+            before = np.empty(part.shape, np.int64)
+            ways, end = search_grid(part, tuple(here), SEARCH.radii, before, False, (-1, -1))
+            if end[0] >= 0:
+                _tell_way(part, tuple(low), half, trace_path(ways, before, end), SEARCH, way)
+                way[2] = ways[end] / STEP * SEARCH.cell
+                return way
+            edge = slice(border, len(ways) - border), slice(border, ways.shape[1] - border)
+            inner = ways[edge]
+            rim = np.concatenate((inner[0], inner[-1], inner[:, 0], inner[:, -1]))
+            if around >= SEARCH.last or (rim < 0).all():
+                break
+            around = min(2 * around, SEARCH.last)
+    return way
+
+
+def _mark(part: np.ndarray, low: np.ndarray, covered: CoverageGrid, least: float) -> None:
+    steps = np.arange(-2, 3) * SEARCH.about / 2
+    extent = covered.sides[0] / 2 * covered.cell
+    for row, column in np.argwhere(part == FREE):
+        y, x = (low + (row, column) + 0.5) * SEARCH.cell
+        if max(abs(x), abs(y)) >= extent or is_covered(covered, 0, x, y):
+            continue
+        new = 0
+        for dy in steps:
+            for dx in steps:
+                r, c = row + round(dy / SEARCH.cell), column + round(dx / SEARCH.cell)
+                inside = 0 <= r < part.shape[0] and 0 <= c < part.shape[1]
+                blocked = inside and part[r, c] == BLOCKED
+                new += not blocked and not is_covered(covered, 0, x + dx, y + dy)
+        if new / 25 >= least:
+            part[row, column] = TARGET
+
+
+@given(st.integers(0, 100_000))
+@settings(deadline=None, max_examples=25)
+def test_ways_onward_are_those_of_a_search_of_every_range(seed: int) -> None:
+    occupancy, covered = _rooms(seed)
+    find_onward(occupancy, 0, SEARCH, covered)
+    np.testing.assert_array_equal(occupancy.onwards[0], _plainly(occupancy, covered))
 
 
 def _square(half: float) -> np.ndarray:
