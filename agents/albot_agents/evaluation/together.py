@@ -26,7 +26,7 @@ def can_run_together(task: str) -> bool:
     """Return whether a batch is worthwhile in a task.
 
     Robots start without a journey, which would be made for each alone; and all episodes are of one
-    length, because in a batch one that is over goes on with another until all are over.
+    length, because in a batch one that is over begins again until all are over.
     """
     limit = gymnasium.spec(task).max_episode_steps
     return limit is not None and "journeys" not in batch_settings(task)
@@ -54,7 +54,8 @@ def run_together(
             batch.unwrapped.set_attr("agent", [trial.agent for trial in trials])
         agents = [_make_agent(batch, trial) for trial in trials]
         on_step(0)
-        observations, infos = batch.reset(seed=[trial.seed for trial in trials])
+        seeds = [trial.seed for trial in trials]
+        observations, infos = batch.reset(seed=seeds)
         configs = _configs(batch)
         logs = [
             EpisodeLog(trial, configs, _observation(observations, k), _Info(infos, k))
@@ -67,8 +68,11 @@ def run_together(
             else None
             for k, trial in enumerate(trials)
         ]
+        ended = np.zeros(len(trials), np.bool_)
         while not all(log.over for log in logs):
             on_step(max(log.steps for log in logs) + 1)
+            if ended.any():  # All drive on. With the same seed, no other journey need be made.
+                observations, _ = batch.reset(seed=seeds, options={"reset_mask": ended})
             shown = [_observation(observations, k) for k in range(len(trials))]
             actions = [
                 choose_action(agent, seen, _Info(infos, k))
@@ -78,10 +82,8 @@ def run_together(
             ended = terminated | truncated
             for k, (log, transitions) in enumerate(zip(logs, kept, strict=True)):
                 if not log.over:
-                    seen, info = _observation(observations, k), _Info(infos, k)
-                    if ended[k]:  # The batch shows the next episode already.
-                        seen, info = infos["final_obs"][k], _Info(infos["final_info"], k)
-                    log.add(seen, info, over=bool(ended[k]))
+                    seen = _observation(observations, k)
+                    log.add(seen, _Info(infos, k), over=bool(ended[k]))
                     if transitions is not None:
                         ends = bool(terminated[k]), bool(truncated[k])
                         transitions.add(actions[k], seen, float(rewards[k]), *ends)
@@ -98,7 +100,7 @@ def _make_batch(trials: Sequence[Trial]) -> Any:
         trials[0].task,
         num_envs=len(trials),
         world=[trial.loaded_world for trial in trials],
-        autoreset_mode=AutoresetMode.SAME_STEP,
+        autoreset_mode=AutoresetMode.DISABLED,
         **{"threads": 1, **trials[0].settings},
     )
 

@@ -12,9 +12,18 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.together import can_run_together, run_together
 from albot_agents.evaluation.trial import run_trial
 from albot_agents.registry import find_agent
+from albot_env.tasks.core import journeys
+from albot_env.tasks.core.journeys import JourneyCache, JourneySpec
 from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
+from albot_env.tasks.homing.outward_journey import (
+    OutwardJourney,
+    OutwardJourneyConfig,
+    OutwardJourneys,
+)
+from albot_env.tasks.homing.task import HomingConfig
 
-EXPLORE, TRIP = "Albot/Explore-v0", "Albot/ExploreAndHome-v1"
+EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
+TRIP = "Albot/ExploreAndHome-v1"
 
 
 def trials(task: str, agent: str, **settings: Any) -> list[Trial]:
@@ -56,7 +65,24 @@ def test_lengths_differ_where_episodes_end_by_themselves() -> None:
     assert len(lengths) > 1
 
 
+def test_no_journey_is_made_for_robots_that_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[JourneySpec] = []
+    travel = OutwardJourneys.travel
+
+    def counted(self: OutwardJourneys, spec: JourneySpec) -> OutwardJourney:
+        made.append(spec)
+        return travel(self, spec)
+
+    monkeypatch.setattr(OutwardJourneys, "travel", counted)
+    monkeypatch.setattr(journeys, "_LATEST", JourneyCache())
+    outing = OutwardJourneyConfig(shortest=3.0, longest=5.0, away=1.0)
+    planned = trials(HOMING, "random", config=HomingConfig(outing=outing))
+    lengths = {len(found.path) for found in run_together(planned)}
+    assert len(lengths) > 1
+    assert len(made) == len(planned)
+
+
 def test_batches_are_for_tasks_of_one_length_without_journeys() -> None:
     assert can_run_together(EXPLORE)
-    for task in (TRIP, "Albot/Homing-v0", "Albot/PlaceRecognition-v0", "Albot/Probe-Detour-v0"):
+    for task in (TRIP, HOMING, "Albot/PlaceRecognition-v0", "Albot/Probe-Detour-v0"):
         assert not can_run_together(task)
