@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +13,10 @@ from gymnasium import spaces
 from jaxtyping import Bool, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.ranges import FINITE, POSITIVE, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
+
+_BELOW_ONE = Range("a number from -1, below 1", -1.0, math.nextafter(1.0, 0.0))
+"""What a number of an action can be above."""
 
 Numbers = Float64[np.ndarray, "robots numbers"]
 
@@ -175,7 +179,7 @@ class FlaggingActionConfig(ActionConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_fields(self, FINITE, "threshold")
+        check_fields(self, _BELOW_ONE, "threshold")
 
     def flagged(self, numbers: Numbers, name: str) -> Bool[np.ndarray, "robots"]:
         """Return which actions say what a number of this name stands for; none without one."""

@@ -30,6 +30,12 @@ def test_choices_drive_and_then_declare() -> None:
     assert ActionConfig().choice_space.n == len(DRIVING)
 
 
+@pytest.mark.parametrize("threshold", [1.0, -1.1, 7.5, np.nan])
+def test_what_no_number_can_say_or_all_must_is_refused(threshold: float) -> None:
+    with pytest.raises(InputError, match="threshold: expected a number from -1, below 1, found"):
+        DeclaringActionConfig(threshold=threshold)
+
+
 @pytest.mark.parametrize("environment", DRIVEN)
 def test_a_choice_does_what_its_numbers_do(environment: str) -> None:
     by_number, by_numbers = _make(environment), _make(environment, "continuous")
