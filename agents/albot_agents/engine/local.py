@@ -39,6 +39,8 @@ from albot_core.interrupts import INTERRUPTS, interrupts_deferred
 
 CONTEXT = get_context("spawn")
 """Spawned processes behave the same on every system, and inherit no threads."""
+_REMOVALS = 100
+"""How often the removal of a folder is tried."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,8 @@ def _serve(scratch: str, link: Connection, step: Any) -> None:
     """
     collect_rarely()
     tempfile.tempdir = scratch
-    threading.Thread(target=_die_with_parent, args=(scratch,), daemon=True).start()
+    watcher = threading.Thread(target=_die_with_parent, args=(scratch,), daemon=True)
+    watcher.start()
 
     def on_step(number: int) -> None:
         step.value = number
@@ -202,7 +205,8 @@ def _serve(scratch: str, link: Connection, step: Any) -> None:
     while True:
         try:
             received = link.recv()
-        except EOFError:
+        except EOFError:  # The parent has died: it ends its processes before it closes a link.
+            watcher.join()
             return
         if work is None:
             work = received
@@ -213,12 +217,16 @@ def _serve(scratch: str, link: Connection, step: Any) -> None:
 def _die_with_parent(scratch: str) -> None:
     """End this process, whatever it is doing, when its parent process has ended.
 
-    A parent that was killed has not removed the folder for temporary files.
+    A parent that was killed has not removed the folder for temporary files. While it is removed, a
+    task may make another file there.
     """
     parent = parent_process()
     assert parent is not None
     parent.join()
-    shutil.rmtree(scratch, ignore_errors=True)
+    for _ in range(_REMOVALS):
+        shutil.rmtree(scratch, ignore_errors=True)
+        if not os.path.lexists(scratch):
+            break
     os._exit(1)
 
 
