@@ -71,7 +71,9 @@ def run_together(
         ended = np.zeros(len(trials), np.bool_)
         while not all(log.over for log in logs):
             on_step(max(log.steps for log in logs) + 1)
-            if ended.any():  # All drive on. With the same seed, no other journey need be made.
+            # All drive on, though what one does that was over no longer counts. With the same seed,
+            # no other journey need be made.
+            if ended.any():
                 observations, _ = batch.reset(seed=seeds, options={"reset_mask": ended})
             shown = [_observation(observations, k) for k in range(len(trials))]
             actions = [
