@@ -21,7 +21,7 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.explore.task import ExploreConfig
 from tests.env import quick
 
-GROUND = {"laser", "shortcut", "coverage", "frontier", "onward"}
+GROUND = {"laser", "shortcut", "path", "coverage", "frontier", "onward"}
 
 
 def make(environment: str, **options: Any) -> gymnasium.Env[Any, Any]:

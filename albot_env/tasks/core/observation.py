@@ -43,7 +43,7 @@ Parts = dict[str, Float32[np.ndarray, "..."]]
 
 PART_NAMES = tuple(part.name for part in PARTS)
 """The names of all parts, in their order in the flat observation."""
-HINTS = ("exit", "way", "shortcut", "onward")
+HINTS = ("exit", "way", "shortcut", "path", "onward")
 """Parts that a planner has worked out: where to drive next."""
 
 _MATCHES = Range("a whole number from 1 to 10,000", 1.0, 10_000.0, whole=True)
@@ -89,7 +89,7 @@ class ObservationConfig:
 
     laser: LaserGeometry | None = field(default_factory=LaserGeometry)
     """Geometry of the laser's beams; None on a robot without a laser, which has none of the parts
-    `laser`, `shortcut`, `coverage`, `frontier` and `onward`."""
+    `laser`, `shortcut`, `path`, `coverage`, `frontier` and `onward`."""
     laser_range: float = 30.0
     """Range shown as -1, like no return (m)."""
     sonar: SonarGeometry | None = field(default_factory=SonarGeometry)

@@ -14,6 +14,7 @@ import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.mapper import POINT, TRAVEL
 from albot_env.tasks.core.coverage_kernels import (
     CoverageGrid,
     CoverageSensor,
@@ -42,10 +43,12 @@ from albot_env.tasks.core.parts.ground import (
     COVERAGE,
     FRONTIER,
     ONWARD,
+    PATH,
     SHORTCUT,
     fill_coverage,
     fill_frontier,
     fill_onward,
+    fill_path,
     fill_shortcut,
 )
 from albot_env.tasks.core.parts.map_patch import MAP_PATCH, fill_map_patch
@@ -68,13 +71,14 @@ from albot_env.tasks.core.state import BatchState, ExplorationProgress, true_sta
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyParams,
     find_onward,
+    find_path,
     find_shortcut,
     update_occupancy,
 )
 
 PARTS: tuple[ObservationPart[Any], ...] = (
     LASER, SONAR, MOTION, COMPASS, HEADING, HOME, CONFIDENCE, PLACE, EXIT_HOME, WAY, SHORTCUT,
-    COVERAGE, FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
+    PATH, COVERAGE, FRONTIER, ONWARD, TIME_LEFT, MAP_PATCH, PLACE_GRAPH,
     MATCHES, TRUE_HOME, TRUE_PATCH,
 )  # fmt: skip
 """All parts, in their order in the flat observation."""
@@ -183,10 +187,12 @@ def _fill_ground(
         fill_coverage(i, sources, row[layout.coverage :])
     if layout.frontier >= 0:
         fill_frontier(i, sources, row[layout.frontier :])
-    if layout.shortcut >= 0 or layout.onward >= 0:
+    if layout.shortcut >= 0 or layout.path >= 0 or layout.onward >= 0:
         _find_ways(i, layout, params, sources)
     if layout.shortcut >= 0:
         fill_shortcut(i, sources, row[layout.shortcut :])
+    if layout.path >= 0:
+        fill_path(i, sources, row[layout.path :])
     if layout.onward >= 0:
         fill_onward(i, sources, row[layout.onward :])
 
@@ -223,8 +229,11 @@ def _find_ways(i: int, layout: Any, params: OccupancyParams, sources: Sources) -
     state, sensor, occupancy = sources.state, sources.sensor, sources.occupancy
     motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
     if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
-        if layout.shortcut >= 0:
+        if layout.shortcut >= 0 or layout.path >= 0:
             find_shortcut(occupancy, i, sources.search, state.homes_in_map[i])
+        if layout.path >= 0:
+            way = state.ways_home[i]
+            find_path(occupancy, i, sources.search, way[POINT], way[TRAVEL])
         if layout.onward >= 0:
             find_onward(occupancy, i, sources.search, sources.believed)
 

@@ -134,6 +134,7 @@ def empty_occupancy(robots: int) -> OccupancyGrids:
         beliefs=np.zeros((robots, 3)),
         shortcuts=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
         onwards=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
+        paths=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
     )
 
 

@@ -74,6 +74,9 @@ class OccupancyGrids(NamedTuple):
     onwards: np.ndarray
     """(n, 3) float64: the same for the shortest way through cells seen to be free to uncovered
     ground."""
+    paths: np.ndarray
+    """(n, 3) float64: the same for the way home that the robot had better take: the shortcut if it
+    is worth leaving the known way, else the shortest way to the next point on the known one."""
 
 
 class SearchParams(NamedTuple):
@@ -132,6 +135,7 @@ def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
     occupancy.moved[i] = math.inf
     _forget_way(occupancy.shortcuts[i])
     _forget_way(occupancy.onwards[i])
+    _forget_way(occupancy.paths[i])
 
 
 @kernel()
@@ -164,25 +168,50 @@ def find_shortcut(
     occupancy: OccupancyGrids, i: int, search: SearchParams, home: np.ndarray
 ) -> None:
     """Find robot i's shortest way to `home` (map frame, m); unseen cells count as free."""
-    way, belief, grid = occupancy.shortcuts[i], occupancy.beliefs[i], occupancy_of(occupancy, i)
+    _search_to(occupancy, i, search, home, occupancy.shortcuts[i])
+
+
+@kernel(arrays=True)
+def find_path(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, ahead: np.ndarray, known: float
+) -> None:
+    """Find robot i's way along the known way home, or by the shortcut if it is worth it.
+
+    It decides as a `Navigator` does. `ahead` (map frame, m) is the next point on the known way, of
+    length `known` (m); NaN near home, and without a known way. The shortcut has been found before.
+    """
+    path = occupancy.paths[i]
+    path[:] = occupancy.shortcuts[i]
+    if not (math.isnan(ahead[0]) or search.worth * path[LENGTH] < known):
+        _search_to(occupancy, i, search, ahead, path)
+        if math.isnan(path[0]):
+            path[POINT] = ahead
+
+
+@kernel(arrays=True)
+def _search_to(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, goal: np.ndarray, way: np.ndarray
+) -> None:
+    """Fill in robot i's shortest `way` (3,) to a `goal` (map frame, m); unseen cells are free."""
+    belief, grid = occupancy.beliefs[i], occupancy_of(occupancy, i)
     _forget_way(way)
-    start, end = _cell(grid, belief, search.cell), _cell(grid, home, search.cell)
+    start, end = _cell(grid, belief, search.cell), _cell(grid, goal, search.cell)
     low, high = _box(grid, start, end, int(search.margin / search.cell))
     if not (_is_inside(start, low, high, search) and _is_inside(end, low, high, search)):
         return
     part = grid[low[0] : high[0], low[1] : high[1]].copy()
     before = np.empty(part.shape, np.int64)
-    here, goal = (start[0] - low[0], start[1] - low[1]), (end[0] - low[0], end[1] - low[1])
-    ways, last = search_grid(part, here, search.radii, before, True, goal)
-    if last[0] < 0:  # Home is believed to be in or beside an obstacle: end as near as possible.
-        last = nearest_reached(ways, goal[0], goal[1], int(search.at_goal / search.cell))
+    here, there = (start[0] - low[0], start[1] - low[1]), (end[0] - low[0], end[1] - low[1])
+    ways, last = search_grid(part, here, search.radii, before, True, there)
+    if last[0] < 0:  # It is believed to be in or beside an obstacle: end as near as possible.
+        last = nearest_reached(ways, there[0], there[1], int(search.at_goal / search.cell))
     if last[0] < 0:
         return
     is_whole = _tell_way(part, low, grid.shape[0] // 2, trace_path(ways, before, last), search, way)
-    rest = STEP * length_of(last[0] - goal[0], last[1] - goal[1])
+    rest = STEP * length_of(last[0] - there[0], last[1] - there[1])
     way[LENGTH] = (ways[last] + rest) / STEP * search.cell
     if is_whole:
-        way[0], way[1] = home[0], home[1]
+        way[0], way[1] = goal[0], goal[1]
 
 
 @kernel(arrays=True)

@@ -37,6 +37,7 @@ from albot_env.tasks.core.parts.sensors import find_nearest, observe_motion
 from albot_env.tasks.core.wayfinding import WayfindingConfig, empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import (
     find_onward,
+    find_path,
     find_shortcut,
     pick_onward,
     pick_shortcut,
@@ -81,6 +82,7 @@ def observe(
     if wayfinding is not None:
         shortcut = wayfinding.shortcut(way[TRAVEL])
         observe_way(pose, shortcut, scale, shown["shortcut"])
+        observe_way(pose, wayfinding.path, scale, shown["path"])
         observe_way(pose, wayfinding.onward, scale, shown["onward"])
     if "laser" in parts:
         parts["laser"] = observe_ranges(config, laser.ranges)
@@ -207,7 +209,13 @@ class Wayfinding:
         self._occupancy = with_occupancy(empty_occupancy(1), 0, config.side(extent))
 
     def follow(
-        self, motion: Pose, pose: Pose, scan: LaserScan, home: Pose, covered: Coverage
+        self,
+        motion: Pose,
+        pose: Pose,
+        scan: LaserScan,
+        home: Pose,
+        covered: Coverage,
+        known: Float[np.ndarray, "7"],
     ) -> None:
         """Take in a scan.
 
@@ -217,6 +225,7 @@ class Wayfinding:
             scan: What it sees there.
             home: Where it believes home to be (map frame).
             covered: The ground that it believes to have covered, this scan's included.
+            known: The way home that it knows (`RouteHome`).
         """
         occupancy, search, sensor = (
             self._occupancy,
@@ -225,6 +234,7 @@ class Wayfinding:
         )
         if update_occupancy(occupancy, 0, self._params, sensor, motion, pose, scan.ranges):
             find_shortcut(occupancy, 0, search, home)
+            find_path(occupancy, 0, search, known[POINT], known[TRAVEL])
             find_onward(occupancy, 0, search, covered.ground)
 
     def shortcut(self, known: float) -> Points:
@@ -233,6 +243,11 @@ class Wayfinding:
         NaN where the known way home, so long (m), is not worth leaving for it.
         """
         return np.array(pick_shortcut(self._occupancy, 0, self._search, known))
+
+    @property
+    def path(self) -> Points:
+        """The point ahead on the way home that the robot had better take (map frame, m)."""
+        return np.array(self._occupancy.paths[0, :2])
 
     @property
     def onward(self) -> Points:

@@ -15,6 +15,7 @@ from albot_agents.agent import EnvironmentConfigs
 from albot_agents.registry import make_agent
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
+from albot_core.mappers.mapper import RouteHome, require
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
@@ -103,7 +104,8 @@ def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: Observation
             compose(mapper.estimate.pose, mapper.estimate.home_from_robot),
             moment.reading.laser,
         )
-        wayfinding.follow(moment.reading.motion, mapper.estimate.pose, laser, home, ground)
+        motion, known = moment.reading.motion, require(mapper, RouteHome).way_home
+        wayfinding.follow(motion, mapper.estimate.pose, laser, home, ground, known)
         again = observe(config, moment.reading, mapper, ground, wayfinding=wayfinding)
         assert again.keys() == observation.keys()
         for name, part in observation.items():
@@ -113,7 +115,7 @@ def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: Observation
 @pytest.mark.parametrize("sectors", [None, 20])
 def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path, sectors) -> None:
     config = replace(
-        ObservationConfig(parts=(*HOMING_PARTS, "shortcut", "frontier", "onward")),
+        ObservationConfig(parts=(*HOMING_PARTS, "shortcut", "path", "frontier", "onward")),
         laser_sectors=sectors,
     )
     env = make_env(mapper="albot1", observation="dict", config=ExploreConfig(observations=config))

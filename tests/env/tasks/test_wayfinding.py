@@ -42,8 +42,9 @@ from tests.env.tasks.oracles import Coverage, Wayfinding
 CONFIG = WayfindingConfig()
 ANY = np.inf
 """A known way so long that any other is worth leaving it for."""
-NEW = "shortcut", "onward"
+NEW = "shortcut", "path", "onward"
 STILL, HALF_TURN = np.zeros(3), np.array((0.0, 0.0, np.pi))
+UNKNOWN_WAY = np.array((*6 * (np.nan,), np.inf))
 FAR_WALL = np.array(((30.0, -30.0, 30.0, 30.0),))
 ALL_ROUND = LaserGeometry(beams=361, first_bearing=-np.pi, spacing=2 * np.pi / 360)
 
@@ -55,12 +56,20 @@ class Robot:
         self.ways = Wayfinding(config, CoverageConfig(), extent)
         self.ground = Coverage(CoverageConfig(), extent)
 
-    def look(self, pose, walls=FAR_WALL, home=(0.0, 0.0), motion=STILL, laser=None) -> None:
+    def look(
+        self,
+        pose,
+        walls=FAR_WALL,
+        home=(0.0, 0.0),
+        motion=STILL,
+        laser=None,
+        known=UNKNOWN_WAY,
+    ) -> None:
         """Look once from a pose x, y, heading."""
         at = np.array(pose, float)
         scan = scan_from(at, walls, laser)
         self.ground.follow(motion, at, scan)
-        self.ways.follow(motion, at, scan, np.array((*home, 0.0)), self.ground)
+        self.ways.follow(motion, at, scan, np.array((*home, 0.0)), self.ground, known)
 
     def look_again(self, pose, walls=FAR_WALL, home=(0.0, 0.0), motion=STILL) -> None:
         """Come to a pose, and look from there until the next search is over."""
@@ -104,6 +113,39 @@ def test_it_leads_round_the_end_of_a_wall_in_view() -> None:
     x, y = ways.shortcut(1.25 * around * CONFIG.worth)
     assert x > 2.4
     assert y > 1.5
+
+
+def _way(x: float, y: float, length: float) -> np.ndarray:
+    """A known way home with its next point."""
+    return np.array((*4 * (np.nan,), x, y, length))
+
+
+def _path(known: np.ndarray, walls=FAR_WALL) -> np.ndarray:
+    """The point ahead on the path home of one that has looked once from (5, 0)."""
+    robot = Robot()
+    robot.look((5.0, 0.0, np.pi), walls, known=known)
+    return robot.ways.path
+
+
+def test_the_path_is_the_known_way_or_a_shortcut_that_is_worth_it() -> None:
+    np.testing.assert_array_equal(_path(_way(5.0, 2.0, 5.0 * CONFIG.worth - 0.3)), (5.0, 2.0))
+    x, y = _path(_way(5.0, 2.0, 5.0 * CONFIG.worth + 0.3))
+    assert x < 3.0
+    assert abs(y) < 0.5
+
+
+def test_without_a_known_way_and_near_home_the_path_is_the_shortest() -> None:
+    np.testing.assert_array_equal(_path(UNKNOWN_WAY), _path(_way(5.0, 2.0, 50.0)))
+    np.testing.assert_array_equal(_path(_way(np.nan, np.nan, 2.0)), _path(UNKNOWN_WAY))
+
+
+def test_the_path_leads_round_what_stands_before_the_known_way() -> None:
+    """The next point, (4, 0), is behind a wall that ends 1.5 m to the right."""
+    walls = np.array((*FAR_WALL, (4.5, -7.5, 4.5, 1.5)))
+    point = _path(_way(4.0, 0.0, 4.0), walls)
+    assert point[1] > 0.8
+    barred = _path(_way(100.0, 0.0, 4.0))  # Off the grid: only the point itself is known.
+    np.testing.assert_array_equal(barred, (100.0, 0.0))
 
 
 def test_what_bars_the_way_is_remembered_until_it_is_seen_to_be_gone() -> None:
@@ -326,8 +368,9 @@ def test_a_batch_shows_what_a_single_one_shows() -> None:
         actions = rng.uniform((0.1, -0.8, -1), (0.7, 0.8, -0.9), (2, 3)).astype(np.float32)
         rows, *_ = batch.step(actions)
         alone = [env.step(action)[0] for env, action in zip(singles, actions, strict=True)]
-    shortcut, onward = np.swapaxes(shown, 0, 1)
+    shortcut, path, onward = np.swapaxes(shown, 0, 1)
     assert set(np.unique(shortcut)) == {-1.0, 1.0}
+    assert (path == 1.0).all()
     assert (onward == 1.0).all()
 
 

@@ -14,7 +14,7 @@ from albot_env.tasks.core.coverage_kernels import cut_patch, find_frontier
 from albot_env.tasks.core.parts.beliefs import observe_way, point_ahead
 from albot_env.tasks.core.parts.part import Need, ObservationPart, Sources, with_laser
 from albot_env.tasks.core.parts.scales import Scales, scale_ranges, unscale_ranges
-from albot_env.tasks.core.wayfinding_kernels import pick_onward, pick_shortcut
+from albot_env.tasks.core.wayfinding_kernels import POINT, pick_onward, pick_shortcut
 
 # Shortcut
 
@@ -40,6 +40,30 @@ def fill_shortcut(i: int, sources: Sources, row: np.ndarray) -> None:
     state = sources.state
     point = pick_shortcut(sources.occupancy, i, sources.search, state.ways_home[i, TRAVEL])
     observe_way(state.beliefs[i], point, sources.scales.home, row)
+
+
+# Path
+
+
+PATH = ObservationPart(
+    name="path",
+    numbers="4",
+    meaning=(
+        "on request: the same for one way home instead of two: the shortcut if there is one, else "
+        "the shortest way, over ground not seen to be blocked, to the next point on the known way"
+    ),
+    shape=with_laser(4),
+    needs=frozenset((Need.WAY_HOME, Need.OCCUPANCY)),
+    decode=point_ahead,
+)
+
+
+@kernel(arrays=True)
+def fill_path(i: int, sources: Sources, row: np.ndarray) -> None:
+    """Fill in the point ahead on the way home that robot i had better take."""
+    observe_way(
+        sources.state.beliefs[i], sources.occupancy.paths[i, POINT], sources.scales.home, row
+    )
 
 
 # Coverage
