@@ -59,8 +59,8 @@ class TrainedRoundTrip:
             for part in PART_NAMES
             if part
             in (
-                "laser", "motion", "home", "confidence", "place", "exit", "way", "shortcut",
-                "coverage", "frontier", "onward", "time_left", "matches",
+                "laser", "motion", "home", "confidence", "place", "path", "coverage", "frontier",
+                "onward", "time_left", "matches",
             )
         ),
         coverage=CoverageConfig(patch_cells=8, patch_cell=1.5),

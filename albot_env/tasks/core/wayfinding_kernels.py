@@ -177,8 +177,9 @@ def find_path(
 ) -> None:
     """Find robot i's way along the known way home, or by the shortcut if it is worth it.
 
-    It decides as a `Navigator` does. `ahead` (map frame, m) is the next point on the known way, of
-    length `known` (m); NaN near home, and without a known way. The shortcut has been found before.
+    It decides as a `Navigator` does, but takes no way for barred. `ahead` (map frame, m) is the
+    next point on the known way, of length `known` (m); NaN near home, and without a known way. The
+    shortcut has been found before.
     """
     path = occupancy.paths[i]
     path[:] = occupancy.shortcuts[i]
