@@ -20,7 +20,6 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.beliefs import EXIT_HOME, HOME, PLACE, WAY
 from albot_env.tasks.core.parts.ground import ONWARD
 from albot_env.tasks.core.parts.sensors import LASER, MOTION
-from albot_env.tasks.core.wayfinding import WayfindingConfig
 
 
 class _Follower:
@@ -143,10 +142,9 @@ class OnwardFollower(_Follower):
 
     PARTS: ClassVar[tuple[str, ...]] = (LASER.name, ONWARD.name)
     OBSERVATIONS: ClassVar[ObservationConfig] = ObservationConfig(
-        parts=(LASER.name, MOTION.name, ONWARD.name, PLACE.name),
-        wayfinding=WayfindingConfig(new_share=0.75, about=1.2),
+        parts=(LASER.name, MOTION.name, ONWARD.name, PLACE.name)
     )
-    """What it observes if nothing else is asked for: ways that lead past slivers."""
+    """What it observes if nothing else is asked for."""
     NEAR, CREEPING = 0.35, 0.08  # A way may lead through a doorway of 0.9 m.
     FRONT = math.radians(75.0)
     SPEED, GAIN, TURN = 0.6, 2.0, 1.5

@@ -20,14 +20,13 @@ from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig
 from albot_env.tasks.core.parts.scales import scale_ranges
 from albot_env.tasks.core.parts.sensors import LASER
-from albot_env.tasks.core.wayfinding import WayfindingConfig
 
 _SCALES = (
     "laser", "laser_knee", "laser_sectors", "home_range", "home_knee", "home_drift", "home_near",
     "step_length", "step_turn",
 )  # fmt: skip
 """What must be as in a skill's training; only the laser's range is its own."""
-_SCALED_BY = {"coverage": "coverage", "onward": "wayfinding"}
+_SCALED_BY = {"coverage": "coverage", "onward": "wayfinding", "path": "wayfinding"}
 """The configurations on which parts depend."""
 
 
@@ -65,7 +64,6 @@ class TrainedRoundTrip:
         ),
         coverage=CoverageConfig(patch_cells=8, patch_cell=1.5),
         matches=1,
-        wayfinding=WayfindingConfig(new_share=0.75, about=1.2),
     )  # fmt: skip
     """What it observes if nothing else is asked for."""
 

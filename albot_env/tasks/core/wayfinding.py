@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.planning.navigator import JUMP, WORTH
 from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
-from albot_core.ranges import CELL, FROM_ONE, LENGTH, SHARE, Range, check_fields
+from albot_core.ranges import CELL, FROM_ONE, LENGTH, Range, check_fields
 from albot_core.robot import PIONEER_3DX
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
@@ -32,7 +32,9 @@ class WayfindingConfig:
     search for a path home treats unseen cells as free and is repeated as the robot sees more
     (A. Stentz, Optimal and efficient path planning for partially-known environments, ICRA 1994).
     Paths to uncovered ground use only cells seen to be free (B. Yamauchi, A frontier-based
-    approach for autonomous exploration, CIRA 1997).
+    approach for autonomous exploration, CIRA 1997), and lead to where a look around shows most new
+    ground for the length of the path (after H. González-Baños and J.-C. Latombe, Navigation
+    strategies for exploring indoor environments, 2002).
     """
 
     worth: float = WORTH
@@ -57,23 +59,24 @@ class WayfindingConfig:
     straight line (m)."""
     every: int = 5
     """Number of steps between searches."""
-    new_share: float = 0.0
-    """Minimum share of new ground, neither covered nor occupied, around the goal of a path to
-    uncovered ground, so that a path leads past slivers to the next room. Only if there is no such
-    goal does it lead to any uncovered ground; 0 for any from the beginning."""
-    about: float = 0.8
-    """Half the side of the square around a goal in which ground counts for `new_share` (m)."""
+    sight: float = 2.0
+    """A way to uncovered ground leads to where most new ground is in sight for the length of the
+    way. Ground up to this far along each axis is in sight, unless something occupied is
+    between (m)."""
+    stay: float = 3.0
+    """Length that is added to that of each way, so that a way of no length is not worth infinitely
+    much (m)."""
 
     def __post_init__(self) -> None:
         bodies = "clearance", "comfort_clearance"
-        check_fields(self, LENGTH, "reach", *bodies, "margin", "first", "last", "ahead", "about")
+        check_fields(self, LENGTH, "reach", *bodies, "margin", "first", "last", "ahead")
+        check_fields(self, LENGTH, "sight", "stay")
         check_fields(self, CELL, "cell")
         check_fields(self, _WORTH, "worth")
         check_fields(self, FROM_ONE, "every")
-        check_fields(self, SHARE, "new_share")
         self._check("comfort_clearance", self.clearance)
         self._check("last", self.first)
-        longest = max(self.reach, self.margin, self.last, self.about)
+        longest = max(self.reach, self.margin, self.last, self.sight)
         if longest > _MOST_CELLS * self.cell:
             expected = f"a side from {longest / _MOST_CELLS:g} m, for {_MOST_CELLS:,} cells at most"
             raise InputError("WayfindingConfig.cell", expected, str(self.cell))
@@ -119,8 +122,8 @@ class WayfindingConfig:
             ahead=self.ahead,
             at_goal=NEAR_BY,
             worth=self.worth,
-            new_share=self.new_share,
-            about=self.about,
+            sight=self.sight,
+            stay=self.stay,
         )
 
 

@@ -18,12 +18,15 @@ from albot_core.planning.grid_search import (
     BLOCKED,
     FREE,
     STEP,
-    TARGET,
     nearest_reached,
     search_grid,
     trace_path,
 )
-from albot_core.planning.occupancy_grid_kernels import farthest_straight, mark_scan
+from albot_core.planning.occupancy_grid_kernels import (
+    farthest_straight,
+    mark_scan,
+    straight_is_free,
+)
 from albot_env.tasks.core.coverage_kernels import (
     CoverageGrid,
     CoverageSensor,
@@ -34,7 +37,13 @@ from albot_env.tasks.core.coverage_kernels import (
 POINT, LENGTH = slice(0, 2), 2
 """Columns of a way in `OccupancyGrids`: a point ahead on it, and its length."""
 _NOWHERE = (-1, -1)
-"""Goal of a search that ends at any wanted cell."""
+"""Goal of a search for the ways to all cells."""
+_POINTS = 25
+"""Number of points at which the ground around a place is looked at: 5 × 5 in a square."""
+_COARSE = 4
+"""Every how many cells, along each axis, the first look for ground with a large gain is."""
+_ROUNDING = 1e-9
+"""Difference between a gain and its bound that is due to rounding."""
 
 
 class OccupancyParams(NamedTuple):
@@ -72,8 +81,8 @@ class OccupancyGrids(NamedTuple):
     unseen cells, and the length of that way, doubled close to obstacles (m); NaN and infinite if
     there is none."""
     onwards: np.ndarray
-    """(n, 3) float64: the same for the shortest way through cells seen to be free to uncovered
-    ground."""
+    """(n, 3) float64: the same for the way, through cells seen to be free, that shows most new
+    ground for its length."""
     paths: np.ndarray
     """(n, 3) float64: the same for the way home that the robot had better take: the shortcut if it
     is worth leaving the known way, else the shortest way to the next point on the known one."""
@@ -95,10 +104,10 @@ class SearchParams(NamedTuple):
     at_goal: float
     """A way that ends within this distance of home leads home."""
     worth: float
-    new_share: float
-    """Minimum share of new ground around a goal…"""
-    about: float
-    """…within a square of twice this side around it."""
+    sight: float
+    """Ground up to this far around a place, along each axis, is seen from there."""
+    stay: float
+    """The gain at a place is divided by the length of the way there and this."""
 
 
 @kernel(arrays=True)
@@ -183,10 +192,16 @@ def find_path(
     """
     path = occupancy.paths[i]
     path[:] = occupancy.shortcuts[i]
-    if not (math.isnan(ahead[0]) or search.worth * path[LENGTH] < known):
+    if not (math.isnan(ahead[0]) or _is_worth(path, search, known)):
         _search_to(occupancy, i, search, ahead, path)
         if math.isnan(path[0]):
             path[POINT] = ahead
+
+
+@kernel()
+def _is_worth(shortcut: np.ndarray, search: SearchParams, known: float) -> bool:
+    """Whether a shortcut is worth leaving the known way, of length `known` (m)."""
+    return bool(search.worth * shortcut[LENGTH] < known)
 
 
 @kernel(arrays=True)
@@ -219,50 +234,43 @@ def _search_to(
 def find_onward(
     occupancy: OccupancyGrids, i: int, search: SearchParams, covered: CoverageGrid
 ) -> None:
-    """Find robot i's shortest way, through cells seen to be free, to uncovered ground.
+    """Find robot i's way, through cells seen to be free, that shows most new ground for its length.
 
-    Ground with much new ground around it comes first; if there is none, any uncovered ground.
-    """
-    _forget_way(occupancy.onwards[i])
-    found = _search_onward(occupancy, i, search, covered, search.new_share)
-    if not found and search.new_share > 0.0:
-        _search_onward(occupancy, i, search, covered, 0.0)
+    Of the cells that the robot can reach, it leads to that with the largest gain: the share of the
+    ground in sight around it that is new, divided by the length of the way and `search.stay` (after
+    H. González-Baños and J.-C. Latombe, Navigation strategies for exploring indoor environments,
+    2002, section 4.3; there the gain decreases exponentially with the length). Cells beside the
+    robot need not be seen to be free, so that it may turn round.
 
-
-@kernel(arrays=True)
-def _search_onward(
-    occupancy: OccupancyGrids, i: int, search: SearchParams, covered: CoverageGrid, least: float
-) -> bool:
-    """Find the shortest way to ground with at least this share of new ground around it, if any.
-
-    The search starts with a small range, which is much faster, and doubles the range while it
-    finds nothing and may be limited by the range. Late in an exploration it would search all that
-    the robot knows, time and again, for what is not there. So a range without such ground is passed
-    over, and before the first wider one it is tried whether there is any within reach.
+    The search starts with a small range, which is much faster, and doubles the range while a cell
+    beyond it could have a larger gain: no more is new around any than around the newest cell that
+    the robot may reach.
     """
     way, grid = occupancy.onwards[i], occupancy_of(occupancy, i)
+    _forget_way(way)
     start = _cell(grid, occupancy.beliefs[i], search.cell)
-    around, goes_on = search.first, True
-    while goes_on:
+    around, most, newest = search.first, 0.0, 1.0
+    while True:
         low, high = _box(grid, start, start, int(around / search.cell))
         if not _is_inside(start, low, high, search):
-            return False
-        goes_on = around < search.last
-        part = grid[low[0] : high[0], low[1] : high[1]].copy()
-        if _mark_uncovered(part, low, grid.shape[0] // 2, search, covered, i, least):
-            before = np.empty(part.shape, np.int64)
-            here = start[0] - low[0], start[1] - low[1]
-            ways, last = search_grid(part, here, search.radii, before, False, _NOWHERE)
-            if last[0] >= 0:
-                cells = trace_path(ways, before, last)
-                _tell_way(part, low, grid.shape[0] // 2, cells, search, way)
-                way[LENGTH] = ways[last] / STEP * search.cell
-                return True
-            goes_on = goes_on and _comes_to_the_edge(ways, int(search.radii[1]))
-        if around == search.first:
-            goes_on = goes_on and _may_reach_new(grid, start, search, covered, i, least)
+            return
+        part = grid[low[0] : high[0], low[1] : high[1]]
+        before = np.empty(part.shape, np.int64)
+        here = start[0] - low[0], start[1] - low[1]
+        ways, _ = search_grid(part, here, search.radii, before, False, _NOWHERE)
+        best, gain = _most_gain(grid, low, ways, search, covered, i)
+        if gain > most:
+            most = gain
+            cells = trace_path(ways, before, best)
+            _tell_way(part, low, grid.shape[0] // 2, cells, search, way)
+            way[LENGTH] = ways[best] / STEP * search.cell
+        if around >= search.last or not _comes_to_the_edge(ways, int(search.radii[1])):
+            return
+        if around == search.first and most < 1.0 / (around + search.stay):
+            newest = _newest_share(grid, start, search, covered, i)
+        if most >= newest / (around + search.stay):
+            return
         around = min(2 * around, search.last)
-    return False
 
 
 @kernel(arrays=True)
@@ -274,7 +282,7 @@ def pick_shortcut(
     It is NaN unless the known way home, of length `known` (m), is much longer.
     """
     way = occupancy.shortcuts[i]
-    return way[POINT] if search.worth * way[LENGTH] < known else np.full(2, np.nan)
+    return way[POINT] if _is_worth(way, search, known) else np.full(2, np.nan)
 
 
 @kernel(arrays=True)
@@ -283,71 +291,101 @@ def pick_onward(occupancy: OccupancyGrids, i: int) -> np.ndarray:
     return occupancy.onwards[i, POINT]
 
 
-@kernel()
-def _mark_uncovered(
-    part: np.ndarray,
+@kernel(arrays=True)
+def _most_gain(
+    grid: np.ndarray,
     low: tuple[int, int],
-    half: int,
+    ways: np.ndarray,
+    search: SearchParams,
+    covered: CoverageGrid,
+    i: int,
+) -> tuple[tuple[int, int], float]:
+    """Return the reached cell with the largest gain, and the gain (1/m); 0 where nothing is new.
+
+    `ways` are the lengths of the ways to the cells of a part of the grid, `low` is its first cell.
+    A look at few of the cells comes first, so that most others need not be looked at closely.
+    """
+    best, most, least = _NOWHERE, 0.0, 0.0
+    for stride in (_COARSE, 1):
+        best, least, most = _NOWHERE, most, 0.0
+        for row in range(0, ways.shape[0], stride):
+            for column in range(0, ways.shape[1], stride):
+                if ways[row, column] < 0:
+                    continue
+                length = ways[row, column] / STEP * search.cell + search.stay
+                wanted = max(least, most) * length - _ROUNDING
+                if wanted > 1.0:
+                    continue
+                place = low[0] + row, low[1] + column
+                gain = _new_share(grid, place, search, covered, i, wanted, True) / length
+                if gain > most:
+                    best, most = (row, column), gain
+    return best, most
+
+
+@kernel()
+def _new_share(
+    grid: np.ndarray,
+    place: tuple[int, int],
     search: SearchParams,
     covered: CoverageGrid,
     i: int,
     least: float,
-) -> bool:
-    """Mark the free cells of a part of a grid that are uncovered; return whether there are any.
+    in_sight: bool,
+) -> float:
+    """Return the share of the square around a cell that is new: neither covered nor blocked.
 
-    Only cells count that are inside the coverage grid and that a search could reach. Of the square
-    around each, at least the share `least` must be new. `low` is the part's first cell; `half` is
-    the number of cells before the map's origin.
+    Where it is less than `least`, 0. With `in_sight`, ground behind blocked cells does not count;
+    a wall of which a grazing beam has erased cells does not hide what is behind those. Of the
+    square, `_POINTS` points are looked at; what is beyond the coverage grid is not new.
     """
-    extent, cell = covered.sides[i] / 2 * covered.cell, search.cell
-    border, marks = int(search.radii[1]), False
-    for row in range(border, part.shape[0] - border):
-        y = (low[0] + row - half + 0.5) * cell
-        for column in range(border, part.shape[1] - border):
-            x = (low[1] + column - half + 0.5) * cell
-            could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
-            if could_be and not is_covered(covered, i, x, y):
-                place = row, column
-                if _is_too_near(part, place, search.radii[0]):
-                    continue  # `search_grid` ends at none of these.
-                if _is_new_around(part, place, (x, y), search, covered, i, least):
-                    part[row, column], marks = TARGET, True
-    return marks
+    side, extent = grid.shape[0], covered.sides[i] / 2 * covered.cell
+    count, needed, found = _POINTS, least * _POINTS, 0
+    far = int(np.round(search.sight / search.cell))
+    near = int(np.round(search.sight / 2 / search.cell))
+    apart = (-far, -near, 0, near, far)
+    for k in range(_POINTS):
+        row, column = place[0] + apart[k // 5], place[1] + apart[k % 5]
+        x, y = (column - side // 2 + 0.5) * search.cell, (row - side // 2 + 0.5) * search.cell
+        inside = 0 <= row < side and 0 <= column < side and max(abs(x), abs(y)) < extent
+        if inside and grid[row, column] != BLOCKED and not is_covered(covered, i, x, y):
+            found |= 1 << k
+            continue
+        count -= 1
+        if count < needed:
+            return 0.0
+    for k in range(_POINTS if in_sight else 0):  # Lines take longer than points.
+        row, column = place[0] + apart[k // 5], place[1] + apart[k % 5]
+        if found >> k & 1 and not straight_is_free(grid, place, (row, column), 0.0, True):
+            count -= 1
+            if count < needed:
+                return 0.0
+    return count / _POINTS
 
 
 @kernel(arrays=True)
-def _may_reach_new(
-    grid: np.ndarray,
-    start: tuple[int, int],
-    search: SearchParams,
-    covered: CoverageGrid,
-    i: int,
-    least: float,
-) -> bool:
-    """Whether the robot may reach ground with at least this share of new ground around it.
+def _newest_share(
+    grid: np.ndarray, start: tuple[int, int], search: SearchParams, covered: CoverageGrid, i: int
+) -> float:
+    """Return the largest share of new ground around any cell that `start` is connected with.
 
-    If not, no search finds a way there. Robot i reaches the same cells by `search_grid` in the
-    widest range. Obstacles are no new ground, but here they are taken for it: a narrower range does
-    not see those beyond its edge.
+    Robot i reaches the same cells by `search_grid` in the widest range. Lines of sight are left
+    out, so it is at most too large.
     """
     low, high = _box(grid, start, start, int(search.last / search.cell))
-    part, half = grid[low[0] : high[0], low[1] : high[1]], grid.shape[0] // 2
+    part, newest = grid[low[0] : high[0], low[1] : high[1]], 0.0
     rows, columns = part.shape
-    border, extent = int(search.radii[1]), covered.sides[i] / 2 * covered.cell
+    border = int(search.radii[1])
     here, near = (start[0] - low[0], start[1] - low[1]), (search.radii[0] + 1) ** 2
     reached = np.zeros((rows, columns), np.bool_)
     waiting = np.empty(rows * columns, np.int32)
     waiting[0], count = here[0] * columns + here[1], 1
     reached[here] = True
-    while count:
+    while count and newest < 1.0:
         count -= 1
         row, column = waiting[count] // columns, waiting[count] % columns
-        x = (low[1] + column - half + 0.5) * search.cell
-        y = (low[0] + row - half + 0.5) * search.cell
-        could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
-        is_new = could_be and not is_covered(covered, i, x, y)
-        if is_new and _is_new_around(part[:0], (row, column), (x, y), search, covered, i, least):
-            return True
+        place = low[0] + row, low[1] + column
+        newest = max(newest, _new_share(grid, place, search, covered, i, newest, False))
         for r in range(max(border, row - 1), min(rows - border, row + 2)):
             for c in range(max(border, column - 1), min(columns - border, column + 2)):
                 if reached[r, c] or part[r, c] == BLOCKED:
@@ -357,12 +395,12 @@ def _may_reach_new(
                     reached[r, c] = True
                     waiting[count] = r * columns + c
                     count += 1
-    return False
+    return newest
 
 
 @kernel()
 def _is_too_near(part: np.ndarray, place: tuple[int, int], radius: float) -> bool:
-    """Whether a cell is so near a blocked one that `search_grid` ends at no target there."""
+    """Whether a cell is so near a blocked one that `search_grid` does not pass it."""
     around = int(radius)
     for row in range(max(0, place[0] - around), min(part.shape[0], place[0] + around + 1)):
         for column in range(max(0, place[1] - around), min(part.shape[1], place[1] + around + 1)):
@@ -370,37 +408,6 @@ def _is_too_near(part: np.ndarray, place: tuple[int, int], radius: float) -> boo
             if part[row, column] == BLOCKED and apart <= radius * radius:
                 return True
     return False
-
-
-@kernel()
-def _is_new_around(
-    part: np.ndarray,
-    place: tuple[int, int],
-    point: tuple[float, float],
-    search: SearchParams,
-    covered: CoverageGrid,
-    i: int,
-    least: float,
-) -> bool:
-    """Whether at least a share of the square around a cell is neither covered nor blocked.
-
-    Of the square, only a grid of 5 × 5 points is looked at.
-    """
-    if least <= 0.0:
-        return True
-    new = 25
-    for down in range(-2, 3):
-        dy = down * search.about / 2
-        row = place[0] + round(dy / search.cell)
-        for right in range(-2, 3):
-            dx = right * search.about / 2
-            column = place[1] + round(dx / search.cell)
-            inside = 0 <= row < part.shape[0] and 0 <= column < part.shape[1]
-            blocked = inside and part[row, column] == BLOCKED
-            new -= blocked or is_covered(covered, i, point[0] + dx, point[1] + dy)
-            if new / 25 < least:
-                return False
-    return True
 
 
 @kernel()
@@ -424,8 +431,8 @@ def _tell_way(
 ) -> bool:
     """Fill in the point ahead on a way of `cells` of a part; return whether it is the way's end.
 
-    Unknown cells on the way count as free in the line-of-sight test. `low` and `half` are as in
-    `_mark_uncovered`.
+    Unknown cells on the way count as free in the line-of-sight test. `low` is the part's first
+    cell, `half` the number of cells before the map's origin.
     """
     place = cells[0, 0] + 0.5, cells[0, 1] + 0.5
     sights = search.narrow / search.cell, search.ahead / search.cell

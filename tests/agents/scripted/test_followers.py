@@ -218,7 +218,7 @@ def test_each_of_the_two_is_shown_what_it_saw_in_its_training(name: str) -> None
             r"exploring: expected laser Laser.*mount",
         ),
         ({"home_range": 50.0}, r"exploring: expected home_range 100.0, found 50.0"),
-        ({"wayfinding": WayfindingConfig()}, r"exploring: expected wayfinding .*new_share=0.75"),
+        ({"wayfinding": WayfindingConfig(stay=2.0)}, r"exploring: expected wayfinding .*stay=3.0"),
     ],
 )
 def test_they_are_shown_nothing_else(changes: dict[str, Any], expected: str) -> None:

@@ -134,10 +134,9 @@ ONWARD = ObservationPart(
     name="onward",
     numbers="4",
     meaning=(
-        "on request: direction and distance of a point ahead on the shortest way, over ground "
-        "seen to be free, to uncovered ground, and 1; without a way 0, 0, -1, -1. With "
-        "`WayfindingConfig(new_share=0.75)` it leads past slivers to ground with much new ground "
-        "around it, as long as there is such"
+        "on request: direction and distance of a point ahead on a way over ground seen to be free, "
+        "and 1; without a way 0, 0, -1, -1. It leads to where a look around shows most uncovered "
+        "ground for the length of the way (`WayfindingConfig`)"
     ),
     shape=with_laser(4),
     needs=frozenset((Need.GROUND, Need.OCCUPANCY)),
