@@ -53,7 +53,7 @@ class WayfindingConfig:
     first: float = 8.0
     """Initial range of the search for uncovered ground, along the map's axes (m)."""
     last: float = 64.0
-    """Maximum range of that search (m). The range doubles while more may be found beyond it."""
+    """Maximum range of that search (m). The range is widened while more may be found beyond it."""
     ahead: float = 3.0
     """Maximum distance of the observed point, the farthest on the path that can be reached in a
     straight line (m)."""

@@ -16,7 +16,6 @@ from albot_core.geometry.pose_kernels import compose, length_of, transform_point
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import (
     BLOCKED,
-    FREE,
     STEP,
     nearest_reached,
     search_grid,
@@ -40,8 +39,10 @@ _NOWHERE = (-1, -1)
 """Goal of a search for the ways to all cells."""
 _POINTS = 25
 """Number of points at which the ground around a place is looked at: 5 × 5 in a square."""
-_COARSE = 4
-"""Every how many cells, along each axis, the first look for ground with a large gain is."""
+_WIDER = 4.0
+"""Factor by which the range of a search is widened."""
+_STRIDE = 2
+"""Only every second cell along each axis may be where a way onward leads, which is faster."""
 _ROUNDING = 1e-9
 """Difference between a gain and its bound that is due to rounding."""
 
@@ -242,14 +243,13 @@ def find_onward(
     2002, section 4.3; there the gain decreases exponentially with the length). Cells beside the
     robot need not be seen to be free, so that it may turn round.
 
-    The search starts with a small range, which is much faster, and doubles the range while a cell
-    beyond it could have a larger gain: no more is new around any than around the newest cell that
-    the robot may reach.
+    The search starts with a small range, which is much faster, and widens it while a cell beyond it
+    could have a larger gain.
     """
     way, grid = occupancy.onwards[i], occupancy_of(occupancy, i)
     _forget_way(way)
     start = _cell(grid, occupancy.beliefs[i], search.cell)
-    around, most, newest = search.first, 0.0, 1.0
+    around, most = search.first, 0.0
     while True:
         low, high = _box(grid, start, start, int(around / search.cell))
         if not _is_inside(start, low, high, search):
@@ -258,19 +258,15 @@ def find_onward(
         before = np.empty(part.shape, np.int64)
         here = start[0] - low[0], start[1] - low[1]
         ways, _ = search_grid(part, here, search.radii, before, False, _NOWHERE)
-        best, gain = _most_gain(grid, low, ways, search, covered, i)
-        if gain > most:
-            most = gain
+        best, most = _most_gain(grid, low, ways, search, covered, i, most)
+        if best[0] >= 0:
             cells = trace_path(ways, before, best)
             _tell_way(part, low, grid.shape[0] // 2, cells, search, way)
             way[LENGTH] = ways[best] / STEP * search.cell
-        if around >= search.last or not _comes_to_the_edge(ways, int(search.radii[1])):
+        is_enough = around >= search.last or most >= 1.0 / (around + search.stay)
+        if is_enough or not _comes_to_the_edge(ways, int(search.radii[1])):
             return
-        if around == search.first and most < 1.0 / (around + search.stay):
-            newest = _newest_share(grid, start, search, covered, i)
-        if most >= newest / (around + search.stay):
-            return
-        around = min(2 * around, search.last)
+        around = min(_WIDER * around, search.last)
 
 
 @kernel(arrays=True)
@@ -299,27 +295,24 @@ def _most_gain(
     search: SearchParams,
     covered: CoverageGrid,
     i: int,
+    least: float,
 ) -> tuple[tuple[int, int], float]:
-    """Return the reached cell with the largest gain, and the gain (1/m); 0 where nothing is new.
+    """Return the reached cell with the largest gain, and the gain (1/m), if more than `least`.
 
     `ways` are the lengths of the ways to the cells of a part of the grid, `low` is its first cell.
-    A look at few of the cells comes first, so that most others need not be looked at closely.
     """
-    best, most, least = _NOWHERE, 0.0, 0.0
-    for stride in (_COARSE, 1):
-        best, least, most = _NOWHERE, most, 0.0
-        for row in range(0, ways.shape[0], stride):
-            for column in range(0, ways.shape[1], stride):
-                if ways[row, column] < 0:
-                    continue
-                length = ways[row, column] / STEP * search.cell + search.stay
-                wanted = max(least, most) * length - _ROUNDING
-                if wanted > 1.0:
-                    continue
-                place = low[0] + row, low[1] + column
-                gain = _new_share(grid, place, search, covered, i, wanted, True) / length
-                if gain > most:
-                    best, most = (row, column), gain
+    best, most = _NOWHERE, least
+    for row in range(-low[0] % _STRIDE, ways.shape[0], _STRIDE):
+        for column in range(-low[1] % _STRIDE, ways.shape[1], _STRIDE):
+            if ways[row, column] < 0:
+                continue
+            length = ways[row, column] / STEP * search.cell + search.stay
+            if 1.0 / length <= most:
+                continue
+            place, wanted = (low[0] + row, low[1] + column), most * length - _ROUNDING
+            gain = _new_share(grid, place, search, covered, i, wanted) / length
+            if gain > most:
+                best, most = (row, column), gain
     return best, most
 
 
@@ -331,13 +324,12 @@ def _new_share(
     covered: CoverageGrid,
     i: int,
     least: float,
-    in_sight: bool,
 ) -> float:
-    """Return the share of the square around a cell that is new: neither covered nor blocked.
+    """Return the share of the square around a cell that is new: not covered, and in sight.
 
-    Where it is less than `least`, 0. With `in_sight`, ground behind blocked cells does not count;
-    a wall of which a grazing beam has erased cells does not hide what is behind those. Of the
-    square, `_POINTS` points are looked at; what is beyond the coverage grid is not new.
+    Where it is less than `least`, 0. Blocked cells hide what is behind them; a wall of which a
+    grazing beam has erased cells does not hide what is behind those. Of the square, `_POINTS`
+    points are looked at; what is beyond the coverage grid is not new.
     """
     side, extent = grid.shape[0], covered.sides[i] / 2 * covered.cell
     count, needed, found = _POINTS, least * _POINTS, 0
@@ -354,60 +346,13 @@ def _new_share(
         count -= 1
         if count < needed:
             return 0.0
-    for k in range(_POINTS if in_sight else 0):  # Lines take longer than points.
+    for k in range(_POINTS):  # Lines take longer than points.
         row, column = place[0] + apart[k // 5], place[1] + apart[k % 5]
         if found >> k & 1 and not straight_is_free(grid, place, (row, column), 0.0, True):
             count -= 1
             if count < needed:
                 return 0.0
     return count / _POINTS
-
-
-@kernel(arrays=True)
-def _newest_share(
-    grid: np.ndarray, start: tuple[int, int], search: SearchParams, covered: CoverageGrid, i: int
-) -> float:
-    """Return the largest share of new ground around any cell that `start` is connected with.
-
-    Robot i reaches the same cells by `search_grid` in the widest range. Lines of sight are left
-    out, so it is at most too large.
-    """
-    low, high = _box(grid, start, start, int(search.last / search.cell))
-    part, newest = grid[low[0] : high[0], low[1] : high[1]], 0.0
-    rows, columns = part.shape
-    border = int(search.radii[1])
-    here, near = (start[0] - low[0], start[1] - low[1]), (search.radii[0] + 1) ** 2
-    reached = np.zeros((rows, columns), np.bool_)
-    waiting = np.empty(rows * columns, np.int32)
-    waiting[0], count = here[0] * columns + here[1], 1
-    reached[here] = True
-    while count and newest < 1.0:
-        count -= 1
-        row, column = waiting[count] // columns, waiting[count] % columns
-        place = low[0] + row, low[1] + column
-        newest = max(newest, _new_share(grid, place, search, covered, i, newest, False))
-        for r in range(max(border, row - 1), min(rows - border, row + 2)):
-            for c in range(max(border, column - 1), min(columns - border, column + 2)):
-                if reached[r, c] or part[r, c] == BLOCKED:
-                    continue
-                is_free = part[r, c] == FREE and not _is_too_near(part, (r, c), search.radii[0])
-                if is_free or (r - here[0]) ** 2 + (c - here[1]) ** 2 <= near:
-                    reached[r, c] = True
-                    waiting[count] = r * columns + c
-                    count += 1
-    return newest
-
-
-@kernel()
-def _is_too_near(part: np.ndarray, place: tuple[int, int], radius: float) -> bool:
-    """Whether a cell is so near a blocked one that `search_grid` does not pass it."""
-    around = int(radius)
-    for row in range(max(0, place[0] - around), min(part.shape[0], place[0] + around + 1)):
-        for column in range(max(0, place[1] - around), min(part.shape[1], place[1] + around + 1)):
-            apart = (row - place[0]) ** 2 + (column - place[1]) ** 2
-            if part[row, column] == BLOCKED and apart <= radius * radius:
-                return True
-    return False
 
 
 @kernel()

@@ -194,7 +194,7 @@ def _plainly(occupancy: OccupancyGrids, covered: CoverageGrid) -> np.ndarray:
     cells, shares = occupancy_of(occupancy, 0), _new_shares(occupancy_of(occupancy, 0), covered)
     start = np.floor(occupancy.beliefs[0, 1::-1] / SEARCH.cell + 1e-6).astype(int) + len(cells) // 2
     found = {}
-    for around in (3.0, 6.0, SEARCH.last):
+    for around in (SEARCH.first, SEARCH.last):
         low = np.maximum(start - int(around / SEARCH.cell), 0)
         high = np.minimum(start + int(around / SEARCH.cell) + 1, len(cells))
         box = slice(low[0], high[0]), slice(low[1], high[1])
@@ -221,7 +221,8 @@ def _new_shares(cells: np.ndarray, covered: CoverageGrid) -> np.ndarray:
     new, open_ = np.array(new) & np.outer(inside, inside), cells != BLOCKED
     margin = int(np.round(SEARCH.sight / SEARCH.cell))
     new, open_ = np.pad(new, margin), np.pad(open_, margin)
-    shares = np.zeros(cells.shape)
+    shares, is_candidate = np.zeros(cells.shape), np.zeros(cells.shape)
+    is_candidate[::2, ::2] = 1
     for offset in np.mgrid[-2:3, -2:3].reshape(2, -1).T:
         end = np.round(offset * SEARCH.sight / 2 / SEARCH.cell).astype(int)
         count = max(1, *abs(end))
@@ -229,7 +230,7 @@ def _new_shares(cells: np.ndarray, covered: CoverageGrid) -> np.ndarray:
         for k in range(1, count + 1):
             seen &= _shifted(open_, np.round(end * k / count).astype(int), side)
         shares += seen
-    return shares / 25
+    return shares / 25 * is_candidate
 
 
 def _shifted(padded: np.ndarray, by: np.ndarray, side: int) -> np.ndarray:
