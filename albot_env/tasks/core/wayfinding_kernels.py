@@ -37,6 +37,9 @@ POINT, LENGTH = slice(0, 2), 2
 """Columns of a way in `OccupancyGrids`: a point ahead on it, and its length."""
 _NOWHERE = (-1, -1)
 """Goal of a search for the ways to all cells."""
+_BARRED, _FARTHER, _AT_HAND = 10.0, 0.5, 0.7
+"""Number of searches that find a known way barred after which it is left; how far the robot must
+come on it (m) until they are counted anew; how much longer a way must be (m): as in `Navigator`."""
 _POINTS = 25
 """Number of points at which the ground around a place is looked at: 5 × 5 in a square."""
 _WIDER = 4.0
@@ -86,7 +89,11 @@ class OccupancyGrids(NamedTuple):
     ground for its length."""
     paths: np.ndarray
     """(n, 3) float64: the same for the way home that the robot had better take: the shortcut if it
-    is worth leaving the known way, else the shortest way to the next point on the known one."""
+    is worth leaving the known way, or that is barred; else the shortest way to the next point on
+    the known one."""
+    barred: np.ndarray
+    """(n, 2) float64: least length of the known way home so far (m), and how many searches have
+    found it barred since."""
 
 
 class SearchParams(NamedTuple):
@@ -146,6 +153,7 @@ def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
     _forget_way(occupancy.shortcuts[i])
     _forget_way(occupancy.onwards[i])
     _forget_way(occupancy.paths[i])
+    occupancy.barred[i, 0], occupancy.barred[i, 1] = math.inf, 0.0
 
 
 @kernel()
@@ -185,18 +193,40 @@ def find_shortcut(
 def find_path(
     occupancy: OccupancyGrids, i: int, search: SearchParams, ahead: np.ndarray, known: float
 ) -> None:
-    """Find robot i's way along the known way home, or by the shortcut if it is worth it.
+    """Find robot i's way along the known way home, or by the shortcut.
 
-    It decides as a `Navigator` does, but takes no way for barred. `ahead` (map frame, m) is the
-    next point on the known way, of length `known` (m); NaN near home, and without a known way. The
-    shortcut has been found before.
+    It takes the shortcut as a `Navigator` does: where that is worth leaving the known way, or that
+    is barred. `ahead` (map frame, m) is the next point on the known way, of length `known` (m); NaN
+    near home, and without a known way. The shortcut has been found before.
     """
-    path = occupancy.paths[i]
-    path[:] = occupancy.shortcuts[i]
-    if not (math.isnan(ahead[0]) or _is_worth(path, search, known)):
-        _search_to(occupancy, i, search, ahead, path)
-        if math.isnan(path[0]):
-            path[POINT] = ahead
+    path, shortcut = occupancy.paths[i], occupancy.shortcuts[i]
+    path[:] = shortcut
+    if math.isnan(ahead[0]):
+        return
+    _search_to(occupancy, i, search, ahead, path)
+    is_barred = _is_barred(occupancy, i, search, ahead, known)
+    if (is_barred and not math.isnan(shortcut[0])) or _is_worth(shortcut, search, known):
+        path[:] = shortcut
+    elif math.isnan(path[0]):
+        path[POINT] = ahead
+
+
+@kernel(arrays=True)
+def _is_barred(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, ahead: np.ndarray, known: float
+) -> bool:
+    """Whether robot i's known way home is barred: by a door that was shut meanwhile, for example.
+
+    It is once its next point could often only be reached by a detour, and the robot has come no
+    farther on it; until the robot has come farther. Where the point lies varies. `paths` holds the
+    way to that point.
+    """
+    belief, barred = occupancy.beliefs[i], occupancy.barred[i]
+    if known < barred[0] - _FARTHER:
+        barred[0], barred[1] = known, 0.0
+    straight = length_of(ahead[0] - belief[0], ahead[1] - belief[1])
+    barred[1] += occupancy.paths[i, LENGTH] > search.worth * straight + _AT_HAND
+    return bool(barred[1] >= _BARRED)
 
 
 @kernel()

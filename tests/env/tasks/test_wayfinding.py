@@ -147,6 +147,26 @@ def test_the_path_leads_round_what_stands_before_the_known_way() -> None:
     np.testing.assert_array_equal(barred, (100.0, 0.0))
 
 
+def _look_at_barred_way(robot: Robot, searches: int, length: float) -> np.ndarray:
+    """The path after some searches; a wall is before the known way, which leads on at its left."""
+    walls = np.array((*FAR_WALL, (4.5, -4.2, 4.5, 4.0)))
+    for _ in range(searches * CONFIG.every):
+        robot.look((5.0, 0.0, np.pi), walls, (0.0, 8.0), known=_way(3.0, -1.0, length))
+    return robot.ways.path
+
+
+def test_a_known_way_that_is_barred_is_left_until_the_robot_has_come_farther_on_it() -> None:
+    """Past the wall's other end it is some 10 m home: so long a shortcut is not worth it."""
+    robot = Robot()
+    along = _look_at_barred_way(robot, 9, 11.0)
+    shortcut = robot.ways.shortcut(ANY)
+    assert along[1] < -1.0
+    assert shortcut[1] > 1.0
+    np.testing.assert_array_equal(_look_at_barred_way(robot, 1, 11.0), shortcut)
+    np.testing.assert_array_equal(_look_at_barred_way(robot, 5, 10.6), shortcut)
+    np.testing.assert_array_equal(_look_at_barred_way(robot, 1, 10.4), along)
+
+
 def test_what_bars_the_way_is_remembered_until_it_is_seen_to_be_gone() -> None:
     wall, home = np.array(((2.5, -9.0, 2.5, 9.0),)), (6.0, 0.0)
     facing, averted = np.array((1.0, 0.0, 0.0)), np.array((1.0, 0.0, np.pi))

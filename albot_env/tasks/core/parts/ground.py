@@ -49,9 +49,10 @@ PATH = ObservationPart(
     name="path",
     numbers="4",
     meaning=(
-        "on request: the same for one way home instead of two: the shortcut if there is one, else "
-        "the shortest way, over ground not seen to be blocked, to the next point on the known way, "
-        "or to home if there is no such point; without a way 0, 0, -1, -1"
+        "on request: the same for one way home instead of two: the shortcut if there is one, or if "
+        "the known way turns out to be barred; else the shortest way, over ground not seen to be "
+        "blocked, to the next point on the known way, or to home if there is no such point; "
+        "without a way 0, 0, -1, -1"
     ),
     shape=with_laser(4),
     needs=frozenset((Need.WAY_HOME, Need.OCCUPANCY)),
