@@ -384,8 +384,10 @@ def _as_text(result: dict[str, Any]) -> str:
         f"{result['seconds']:.0f} s ({result['samples_per_second']:,.0f} samples/s)"
         + (", stopped before the end" if result["stopped"] else "")
     ]
-    cloned = result["pretraining"]
-    figures = {"cloning": {key: cloned[key] for key in cloned if key != "samples"}}
+    figures = {
+        name: {key: value for key, value in result[kind].items() if key != "samples"}
+        for name, kind in (("cloning", "pretraining"), ("claims", "claims"))
+    }
     figures |= {"training": {"success_rate": result["success_rate"]}}
     figures |= {"evaluation": result["evaluation"]}
     for name, found in figures.items():

@@ -10,6 +10,7 @@ from typing import Any
 
 from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.trained.encoders import LAYERS, SIZES
+from albot_agents.training.claims_plan import ClaimsPlan
 from albot_agents.training.off_policy_plan import OFF_POLICY, USERS, VALUE_BASED, OffPolicyPlan
 from albot_agents.training.pretrain_plan import PretrainPlan
 from albot_agents.training.sweep_plan import SweepPlan
@@ -232,6 +233,9 @@ class TrainingPlan:
     """The stages in order; empty for a single stage without end."""
     pretrain: PretrainPlan | None = None
     """Behaviour cloning of an agent before the first sample; None to begin untrained."""
+    claims: ClaimsPlan | None = None
+    """Claims by a classifier of their own, learnt after the last sample; None for those that the
+    policy has learnt."""
     sweep: SweepPlan | None = None
     """A search for the best values of some fields; None for a single training."""
     checkpoint_every: int = 500_000
@@ -265,6 +269,8 @@ class TrainingPlan:
         if self.pretrain is not None and self.learns_off_policy:
             expected = f"null for {self.algorithm}: only {' and '.join(ON_POLICY)} clone"
             raise InputError("TrainingPlan.pretrain", expected, "a pretraining")
+        if self.claims is not None:
+            self._check_claims()
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
         rate = self.schedule("learning_rate")
@@ -307,6 +313,20 @@ class TrainingPlan:
         expected = f"{wanted}, the default, because {chosen} does not use it"
         more = f" (and also {', '.join(other for other, *_ in others)})" if others else ""
         raise InputError(f"TrainingPlan.{top}", expected, f"{value}{more}")
+
+    def _check_claims(self) -> None:
+        """Raise InputError if no classifier fits beside the policy's network."""
+        policy = self.policy
+        fitting = "hidden layers, and without candidates, LSTM and noise in what is said"
+        found = [
+            *([] if self.algorithm == "ppo" else [self.algorithm]),
+            *(["the kind candidates"] if policy.kind == "candidates" else []),
+            *([] if policy.net_arch else ["no layer in net_arch"]),
+            *(["sampled_statements"] if policy.sampled and policy.sampled_statements else []),
+        ]
+        if found:
+            expected = f"null, or a policy of ppo with {fitting}"
+            raise InputError("TrainingPlan.claims", expected, " and ".join(found))
 
     def _check_sweep(self, sweep: SweepPlan) -> None:
         """Raise InputError if no evaluation can tell which trial is the best."""

@@ -18,7 +18,7 @@ from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.off_policy_plan import VALUE_BASED
 from albot_agents.training.plan import ON_POLICY, PolicyPlan, TrainingPlan
 from albot_agents.training.sweep_plan import METRICS
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_core.plain_data import Location
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.parts.ground import COVERAGE
@@ -241,6 +241,34 @@ def _encoder_sizes(
         expected = f"{shape[0]} numbers, one for each of {', '.join(patch.shown)}"
         raise where.at("planner_costs").error(expected, str(len(costs)))
     return {"kind": PLANNER, "goal": goal, "radius": policy.planner_radius}
+
+
+def check_claims(
+    plan: TrainingPlan,
+    observation_config: ObservationConfig,
+    action_config: Any,
+    where: Location = MEMORY,
+) -> None:
+    """Raise InputError if a plan's claims cannot be learnt in its environments.
+
+    Args:
+        plan: The plan.
+        observation_config: The environment's observation config.
+        action_config: The environment's action config; None for a task without one.
+        where: Location of the plan.
+    """
+    if plan.claims is None:
+        return
+    place = where.at("claims")
+    if "claim" not in getattr(action_config, "names", ()):
+        expected = "null, or a task in which the agent claims to know places"
+        raise place.error(expected, f"claims in {plan.task}")
+    encoded = [each.part for each in policy_encoders(plan.policy, observation_config, where)]
+    plain = [part for part in observation_config.shapes if part not in encoded]
+    for k, part in enumerate(plan.claims.parts):
+        if part not in plain:
+            expected = f"a part that is observed, and not encoded: {', '.join(plain)}"
+            raise place.at("parts", k).error(expected, f"{part}{did_you_mean(part, plain)}")
 
 
 def check_spaces(before: Batch, after: Batch, where: Location) -> None:

@@ -20,6 +20,7 @@ from albot_agents.training.plan_check import (
     MEMORY,
     agent_network,
     check_algorithm,
+    check_claims,
     check_device,
     check_metric,
     check_policy,
@@ -116,8 +117,19 @@ def pretraining_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[s
     assert plan.pretrain is not None
     last = deep_merge(plan.env, plan.stages[-1].env)
     env = deep_merge(last, plan.pretrain.env)
-    settings = _read_settings(plan, env, where, plan.pretrain.n_envs)
+    settings = _read_settings(plan, env, where, plan.pretrain.n_envs, "pretrain.n_envs")
     return _distributed(settings, plan.pretrain.n_envs)
+
+
+def claims_settings(plan: TrainingPlan, where: Location = MEMORY) -> dict[str, Any]:
+    """Return the settings, those of the last stage, of the environments for learning claims.
+
+    Raises:
+        InputError: As for `stage_settings`.
+    """
+    assert plan.claims is not None
+    env, count = deep_merge(plan.env, plan.stages[-1].env), plan.claims.n_envs
+    return _distributed(_read_settings(plan, env, where, count, "claims.n_envs"), count)
 
 
 def first_world(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -222,6 +234,9 @@ def _check_environments(plan: TrainingPlan, where: Location) -> Any:
         batch = _try_out(plan, plan.evaluation.env, settings, where.at("env"), place)
         check_spaces(batches[0], batch, place)
     check_metric(plan, batches[0].fact_names, where)
+    check_claims(plan, seen, batches[0].action_config, where)
+    if plan.claims is not None:
+        claims_settings(plan, where.at("env"))
     return batches[0]
 
 
@@ -265,9 +280,15 @@ def _distributed(settings: dict[str, Any], count: int) -> dict[str, Any]:
 
 
 def _read_settings(
-    plan: TrainingPlan, env: Mapping[str, Any], where: Location, count: int | None = None
+    plan: TrainingPlan,
+    env: Mapping[str, Any],
+    where: Location,
+    count: int | None = None,
+    name: str = "n_envs",
 ) -> dict[str, Any]:
     """Parse settings of `count` environments, by default those of the training, made flat.
+
+    `name` is that of the plan's field for their number.
 
     Raises:
         InputError: As for `read_settings`; or a list has no world, or one that no environment
@@ -279,7 +300,6 @@ def _read_settings(
         # contract of all environments, but would copy every part at every step.
         settings["observation"] = "flat"
     worlds = settings.get("world")
-    name = "n_envs" if count is None else "pretrain.n_envs"
     count = plan.n_envs if count is None else count
     if isinstance(worlds, list) and not 1 <= len(worlds) <= count:
         expected = f"at least one world, and at most {name}, {count}"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from albot_agents.trained.agent_file import (
     LARGEST_WEIGHT,
     AgentFile,
     TrainingFacts,
+    read_agent,
 )
 from albot_agents.training.checkpoint import (
     AgentExporter,
@@ -32,6 +34,7 @@ from albot_agents.training.checkpoint import (
     restore,
     take_checkpoint,
 )
+from albot_agents.training.claims import ClaimTraining
 from albot_agents.training.curriculum import Curriculum
 from albot_agents.training.evaluations import Evaluations
 from albot_agents.training.journeys import MadeJourneys
@@ -102,6 +105,7 @@ class TrainingRun:
         # The first checkpoint comes after the pretraining.
         self._pretrains = found is None and plan.pretrain is not None
         self._figures: dict[str, float | int | None] = {}
+        self._claims: dict[str, float | int | None] = {}
         self._stage_began = int(self._resumed["stage_began"])
         self._began_at = self._saved_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
@@ -145,6 +149,7 @@ class TrainingRun:
                     remaining, callback, log_interval=log_interval, reset_num_timesteps=False
                 )
             self._between_rollouts(last=True)
+            self._learn_claims()
         except KeyboardInterrupt:
             stopped = True
             if not self._pretrains:
@@ -204,6 +209,17 @@ class TrainingRun:
             return
         if not self._evaluations.count:
             self._evaluate(self._evaluations)
+
+    def _learn_claims(self) -> None:
+        """Let the agents that were saved learn when to claim, if the plan says so."""
+        if self._plan.claims is None:
+            return
+        samples, training = self.learner.num_timesteps, ClaimTraining(self._plan)
+        for path in (self._folder.best, self._folder.last):
+            # In a resumed run the best agent may have learnt it already.
+            if path.exists() and read_agent(path).network == self._exporter.network:
+                report = partial(self._report, samples)
+                self._claims = training.teach(path, report)
 
     def _between_rollouts(self, last: bool = False) -> None:
         """Change the stage, evaluate and save where due, between two rounds and at the end."""
@@ -325,6 +341,7 @@ class TrainingRun:
             "episodes": self._snapshot.run["episodes"],
             "stage": curriculum.stage,
             "pretraining": self._figures,
+            "claims": self._claims,
             "seconds": seconds,
             "samples_per_second": (samples - self._began_at) / seconds,
             "environment_share": curriculum.step_seconds / seconds,

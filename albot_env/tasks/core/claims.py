@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from jaxtyping import Bool, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.world_cache import WorldCache
@@ -75,6 +75,8 @@ SETTLED = 1.0
 doorway a little before or after."""
 NOTHING, RIGHT, AGAIN, FALSE = 0, 1, 2, 3
 """Results of a step's claim: none judged; right; right once more in the same room; false."""
+_SIGNS = np.array((0, 1, 1, -1))
+"""Whether these are right (1) or false (-1)."""
 
 _FIRST_ROOM = 512
 """Initial number of readings that the arrays hold; it doubles when they are full."""
@@ -202,6 +204,31 @@ class ClaimJudge:
                 self._readings = int((self.table.before + steps).max()) + 2
                 self.table = with_room(self.table, self._readings, 0)
 
+    def outcomes(
+        self,
+        poses: Float64[np.ndarray, "robots 3"],
+        rooms: Int64[np.ndarray, "robots"],
+        driven: Float64[np.ndarray, "robots"],
+    ) -> Int64[np.ndarray, "robots"]:
+        """Return what a claim of each robot would be now, if it were the first of its visit.
+
+        Args:
+            poses: True poses (world frame; m, rad).
+            rooms: Index of each robot's room in its world; -1 between rooms.
+            driven: Path lengths so far (m).
+
+        Returns:
+            1 if it would be right, -1 if false, 0 if it would not count.
+        """
+        robots = len(poses)
+        matched = np.full(robots, -1)
+        if self._matches:
+            assert self._mappers is not None
+            self._mappers.match_readings(np.arange(robots))
+            matched = self._mappers.matched_readings
+        each = zip(range(robots), driven, poses, rooms, matched, strict=True)
+        return _SIGNS[[claim_outcome(*of_robot, self.table) for of_robot in each]]
+
     @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
@@ -269,28 +296,53 @@ def judge_claim(
     if matches:
         c.points[i, reading, 0], c.points[i, reading, 1] = pose[0], pose[1]
         c.rooms[i, reading], c.visits[i, reading] = room, c.visit[i]
-    if room < 0 or c.judged[i] or not c.claims[i] or driven - c.since[i] < SETTLED:
+    if c.judged[i] or not c.claims[i]:
         return NOTHING
-    is_true, has_returned = True, c.returned[i]
-    if matches:
-        is_true = _is_taken_here(i, pose, room, c)
-        has_returned = has_returned and c.visits[i, c.matched[i]] != c.visit[i]
-        if is_true and not has_returned:
-            return NOTHING
+    outcome = claim_outcome(i, driven, pose, room, c.matched[i], c)
+    if outcome == NOTHING:
+        return NOTHING
     c.judged[i] = True
-    if not (is_true and has_returned):
+    if outcome == FALSE:
         c.counts[i, 2] += 1
-        return FALSE
-    c.counts[i, 1] += 1
-    before = c.recognized[i, room]
-    c.recognized[i, room] = True
-    return AGAIN if before else RIGHT
+    else:
+        c.counts[i, 1] += 1
+        c.recognized[i, room] = True
+    return outcome
 
 
 @kernel()
-def _is_taken_here(i: int, pose: np.ndarray, room: int, c: Claims) -> bool:
-    """Whether the reading that robot i's mapper matches was taken at the present place."""
-    matched = c.matched[i]
+def claim_outcome(
+    i: int, driven: float, pose: np.ndarray, room: int, matched: int, c: Claims
+) -> int:
+    """Return what robot i's claim would be if it were the first of its visit; nothing changes.
+
+    Args:
+        i: Index of the robot.
+        driven: Path length so far (m).
+        pose: True pose (3,) (world frame; m, rad).
+        room: Index of the robot's room in its world; -1 between rooms.
+        matched: The earlier reading that the mapper matches with the place; -1 for none.
+        c: The claims of all robots, with the latest reading.
+
+    Returns:
+        NOTHING, RIGHT, AGAIN or FALSE.
+    """
+    if room < 0 or driven - c.since[i] < SETTLED:
+        return NOTHING
+    is_true, has_returned = True, c.returned[i]
+    if c.points.shape[1] > 0:
+        is_true = _is_taken_here(i, pose, room, matched, c)
+        has_returned = has_returned and c.visits[i, matched] != c.visit[i]
+        if is_true and not has_returned:
+            return NOTHING
+    if not (is_true and has_returned):
+        return FALSE
+    return AGAIN if c.recognized[i, room] else RIGHT
+
+
+@kernel()
+def _is_taken_here(i: int, pose: np.ndarray, room: int, matched: int, c: Claims) -> bool:
+    """Whether a reading of robot i was taken at the present place; -1 for no reading."""
     if matched < 0:
         return False
     x, y = c.points[i, matched]

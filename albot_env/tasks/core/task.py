@@ -161,6 +161,14 @@ class Task(ABC):
             InputError: The state is from another kind of machine.
         """
 
+    @property
+    def claim_outcomes(self) -> Int64[np.ndarray, "robots"]:
+        """What the claim of each robot would be now, if it were the first of its visit.
+
+        1 if right, -1 if false, and 0 if it would not count, as in tasks without claims.
+        """
+        return np.zeros(len(self._everyone), np.int64)
+
     def matched_reading(self, row: int) -> int:
         """Return the earlier reading that a robot's mapper matches to its place; -1 for none."""
         return -1

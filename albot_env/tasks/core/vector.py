@@ -307,6 +307,14 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
         return self._robots.lost
 
     @property
+    def claim_outcomes(self) -> Int64[np.ndarray, "environments"]:
+        """What a claim of each robot would be now, if it were the first of its visit to the room.
+
+        1 if right, -1 if false, and 0 if it would not count, as in tasks without claims.
+        """
+        return self._robots.claim_outcomes
+
+    @property
     def map_versions(self) -> Int64[np.ndarray, "environments"]:
         """Number of changes of each robot's map."""
         return self._robots.map_versions

@@ -190,6 +190,12 @@ class ExploreAndHomeTask(DrivingTask):
         return self._trips.ended
 
     @property
+    def claim_outcomes(self) -> Int64[np.ndarray, "robots"]:
+        """What the claim of each robot would be now, if it were the first of its visit."""
+        rooms = self._builder.progress.room
+        return self._judge.outcomes(self.poses, rooms, self.path_lengths)
+
+    @property
     def facts(self) -> dict[str, np.ndarray]:
         """The true values for `info`, one row per robot."""
         trips = self._trips

@@ -37,7 +37,8 @@ ELSEWHERE = {
     "off_policy",  # Of other learners; test_off_policy.py.
     "task", "algorithm", "n_envs", "policy", "device", "torch_threads",
     # What is no business of the learner's.
-    "n_timesteps", "env", "pretrain", "sweep", "evaluation", "curriculum", "checkpoint_every",
+    "n_timesteps", "env", "pretrain", "claims", "sweep", "evaluation", "curriculum",
+    "checkpoint_every",
 }  # fmt: skip
 
 

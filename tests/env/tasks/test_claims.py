@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from albot_env.tasks.core.claims import (
     AGAIN,
     FALSE,
     NOTHING,
     RIGHT,
+    SETTLED,
     ClaimJudge,
+    claim_outcome,
     judge_claim,
     no_claims,
     with_room,
@@ -85,6 +90,70 @@ def test_claims_by_hand(
     counts: list[int],
 ) -> None:
     assert _judged(two_rooms, *visits) == (outcomes, counts)
+
+
+@pytest.mark.parametrize("matches", [True, False])
+@given(
+    visits=st.lists(
+        st.tuples(st.sampled_from((A, B, BETWEEN)), st.integers(-1, 30), st.integers(1, 6)),
+        min_size=1,
+        max_size=8,
+    )
+)
+def test_what_a_claim_would_be_is_what_the_first_of_the_visit_becomes(
+    two_rooms: World, matches: bool, visits: list[tuple[int, int, int]]
+) -> None:
+    tables = []
+    for is_claim in (True, False):  # One robot claims with every step, the other is only asked.
+        table = with_room(no_claims(1, matches=matches), 60, 2)
+        table.claims[:] = is_claim
+        tables.append(table._replace(barriers=with_barriers(NO_BARRIERS, two_rooms)))
+    (claiming, silent), reading = tables, 0
+    entered: set[int] = set()
+    became: dict[int, list[int]] = {}
+    would: dict[int, list[int]] = {}
+    for room, match, readings in visits:
+        match = min(match, reading)  # Nothing later was read.
+        claiming.matched[0] = match
+        pose = np.array((ROOMS[room], 2.0, 0.0))
+        for _ in range(readings):
+            is_new, driven = room >= 0 and room not in entered, 0.5 * reading
+            outcomes = [
+                judge_claim(0, reading, driven, pose, room, is_new, each) for each in tables
+            ]
+            entered.add(room)
+            visit = int(silent.visit[0])
+            became.setdefault(visit, []).append(RIGHT if outcomes[0] == AGAIN else outcomes[0])
+            asked = claim_outcome(0, driven, pose, room, match, silent)
+            would.setdefault(visit, []).append(asked)
+            reading += 1
+    assert silent.counts[0, 1:].tolist() == [0, 0]  # Asking is not claiming.
+    for visit, asked_then in would.items():
+        first = next((outcome for outcome in asked_then if outcome != NOTHING), NOTHING)
+        assert first == max(became[visit])
+
+
+def test_a_batch_tells_what_claims_would_be_and_nothing_changes(two_rooms: World) -> None:
+    """Without a mapper a claim is false in the first room, from one metre on."""
+    told = []
+    for asks in (True, False):
+        batch: Any = gymnasium.make_vec(
+            "Albot/Explore-v0", num_envs=2, world=two_rooms, mapper="none"
+        ).unwrapped
+        batch.reset(seed=1, options={"start": 0})
+        for _ in range(40):
+            ended = batch.step(np.tile(np.float32((0.6, 0.3, -1.0)), (2, 1)))
+            if asks:
+                settled = ended[4]["path_length"] >= SETTLED
+                expected = np.where(settled, -1, 0)
+                assert batch.claim_outcomes.tolist() == expected.tolist()
+        told.append(ended[0])
+        batch.close()
+    assert (told[0] == told[1]).all()
+    homing: Any = gymnasium.make_vec("Albot/Homing-v0", 1, world=two_rooms, mapper="none")
+    homing.reset(seed=1)
+    assert homing.unwrapped.claim_outcomes.tolist() in ([0], [-1])
+    homing.close()
 
 
 def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: World) -> None:
