@@ -96,9 +96,11 @@ def test_an_agent_drives_as_fast_whatever_its_actions_stand_for(name: str, task:
     if name != "oracle":  # It drives and turns as fast as its actions let it.
         doubled = _driven(name, task, speed=2.0, turn_rate=4.0)
         np.testing.assert_allclose(doubled, usual, atol=1e-3)
-    slow = _speeds(_driven(name, task, speed=0.25))
+    slow, fast = _speeds(_driven(name, task, speed=0.25)), _speeds(usual)
     assert slow.max() < 0.26
-    assert slow.sum() > 0.8 * np.minimum(_speeds(usual), 0.25).sum()
+    assert np.quantile(slow, 0.9) > 0.96 * min(np.quantile(fast, 0.9), 0.25)
+    if "onward" not in find_agent(name).uses:  # What that leads to depends on what is seen so far.
+        assert slow.sum() > 0.8 * np.minimum(fast, 0.25).sum()
 
 
 @pytest.mark.parametrize(("name", "task"), DRIVERS)
