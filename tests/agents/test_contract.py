@@ -99,7 +99,10 @@ def test_an_agent_drives_as_fast_whatever_its_actions_stand_for(name: str, task:
     slow, fast = _speeds(_driven(name, task, speed=0.25)), _speeds(usual)
     assert slow.max() < 0.26
     assert np.quantile(slow, 0.9) > 0.96 * min(np.quantile(fast, 0.9), 0.25)
-    if "onward" not in find_agent(name).uses:  # What that leads to depends on what is seen so far.
+    if "onward" in find_agent(name).uses:
+        # What that leads to depends on what was seen so far, so the slow one goes another way.
+        _check_same_commands(name, task, speed=0.25)
+    else:
         assert slow.sum() > 0.8 * np.minimum(fast, 0.25).sum()
 
 
@@ -108,6 +111,26 @@ def test_an_agent_drives_about_as_far_by_discrete_actions(name: str, task: str) 
     both = _driven(name, task), _driven(name, task, "discrete")
     usual, discrete = (0.1 * _speeds(poses).sum() for poses in both)
     assert 0.4 * usual - 0.2 < discrete < 1.6 * usual + 0.2
+
+
+def _check_same_commands(name: str, task: str, speed: float) -> None:
+    """Check that of the same observations an agent makes the same commands, cut at a speed."""
+    agent, env = _begun(name, task, "flat")
+    told = EnvironmentConfigs.of(env)
+    limited = told._replace(actions=replace(told.actions, speed=speed))
+    slow = make_agent(name, limited)
+    slow.reset(np.random.default_rng((0, 1)), env.action_space)
+    observation, info = begin_episode(env, agent, 0)
+    for _ in range(150):
+        action = choose_action(agent, observation, info)
+        other = choose_action(slow, observation, info)
+        wanted, given = action[0] * told.actions.speed, other[0] * speed
+        assert given == pytest.approx(np.clip(wanted, -speed, speed), abs=1e-6)
+        assert other[1:] == pytest.approx(action[1:], abs=1e-6)
+        observation, _, over, _, info = env.step(action)
+        if over:
+            break
+    env.close()
 
 
 def _speeds(poses: np.ndarray) -> np.ndarray:
