@@ -165,7 +165,8 @@ class Task(ABC):
     def claim_outcomes(self) -> Int64[np.ndarray, "robots"]:
         """What the claim of each robot would be now, if it were the first of its visit.
 
-        1 if right, -1 if false, and 0 if it would not count, as in tasks without claims.
+        1 if right, -1 if false, and 0 if it would not count. It is asked for whether or not the
+        actions have a claim; in tasks that have no setting `claims` it is 0.
         """
         return np.zeros(len(self._everyone), np.int64)
 

@@ -310,7 +310,8 @@ class VectorEnv(CopiedByState, gymnasium.vector.VectorEnv[Any, Any, np.ndarray],
     def claim_outcomes(self) -> Int64[np.ndarray, "environments"]:
         """What a claim of each robot would be now, if it were the first of its visit to the room.
 
-        1 if right, -1 if false, and 0 if it would not count, as in tasks without claims.
+        1 if right, -1 if false, and 0 if it would not count. It is asked for whether or not the
+        actions have a claim; in tasks that have no setting `claims` it is 0.
         """
         return self._robots.claim_outcomes
 
