@@ -98,6 +98,13 @@ _PAGE = "results.md"
     help="Only the first episodes of each cell; 0 for the page alone.  [default: the protocol's]",
 )
 @click.option(
+    "--check",
+    type=CountType(1),
+    help="Run nothing new, but the first episodes of each cell again, as many at most: the exit "
+    "status is 1 if one differs. Cells of other sources whose episodes are the same become cells "
+    "of the installed ones.",
+)
+@click.option(
     "--plans",
     type=PathType(file_okay=False, exists=True),
     help="Folder of the real floor plans in XML; without it, none are run.",
@@ -134,6 +141,7 @@ def command(
     kinds: tuple[str, ...],
     odometers: tuple[str, ...],
     episodes: int | None,
+    check: int | None,
     plans: Path | None,
     page: Path | None,
     engine: Engine,
@@ -157,43 +165,45 @@ def command(
     folder = ResultsFolder(out, version)
     choice = _Choice(tasks=tasks, agents=agents, mappers=mappers, kinds=kinds, odometers=odometers)
     rows = choice.rows(folder.protocol, has_plans=plans is not None or episodes == 0)
-    most = _check_episodes(folder.protocol, rows, episodes)
-    run = _begin(folder, rows, episodes, plans, sources)
+    most = _check_episodes(folder.protocol, rows, episodes, check)
+    run = _begin(folder, rows, episodes, check, plans, sources)
     stopped = _run(run, engine)
-    if mappers and not stopped and episodes != 0:
+    if mappers and not stopped and episodes != 0 and check is None:
         stopped = measure_costs(folder, [row.entrant.mapper for row in rows])
     with interrupts_deferred():
         report, files = _write(folder, page, rows_file)
     chosen = report.only({row.entrant.name for row in rows}) if agents else report
-    times = list(row_times(folder, rows))
+    times, checked = list(row_times(folder, rows)), _checked_facts(run)
     if as_json:
         facts: dict[str, Any] = {"protocol": folder.protocol.protocol}
-        facts |= {"missing": run.missing, "stopped": stopped}
+        facts |= {"missing": run.missing, "stopped": stopped, **checked}
         facts["failed"] = [each.facts for each in run.failed]
         facts["files"] = {name: str(file) for name, file in files.items()}
         click.echo(json.dumps(facts | _figures(chosen, times, with_mappers=bool(mappers))))
     else:
         lines = [*render_lines(chosen), *map(time_line, times)] if agents else []
         if episodes != 0:
-            lines.append(_left(run, episodes, most))
+            lines += _left(run, episodes, most)
         lines += [each.text for each in run.failed]
         click.echo("\n".join([*lines, *map(str, files.values())]))
-    return STOPPED if stopped else int(bool(run.failed))
+    return STOPPED if stopped else int(bool(run.failed or checked.get("differences")))
 
 
 def _begin(
     folder: ResultsFolder,
     rows: list[Row],
     episodes: int | None,
+    check: int | None,
     plans: Path | None,
     sources: tuple[Path, ...],
 ) -> BenchmarkRun:
-    """Return the run of what is missing, after the results of other sources were added.
+    """Return the run of what is missing or checked, after results of other sources were added.
 
     Raises:
         InputError: A file is damaged, results contradict each other or are of others than the
-            rows, or there are none for a page alone. Then nothing is written.
+            rows, or there are none for a page alone or to be checked. Then nothing is written.
     """
+    from albot_agents.benchmark.check import BenchmarkCheck
     from albot_agents.benchmark.rows_file import Results, merge, read_results
     from albot_agents.benchmark.run import BenchmarkRun
     from albot_agents.benchmark.times import read_times
@@ -203,10 +213,16 @@ def _begin(
     read_times(folder.path)
     if episodes == 0 and not results.cells:
         raise InputError(folder.path, "a folder with results", "none")
-    run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
+    run: BenchmarkRun
+    if check is not None:
+        run = BenchmarkCheck(folder, rows, check, plans)
+    else:
+        run = BenchmarkRun(folder, [] if episodes == 0 else rows, episodes, plans)
     for other in others:
         run.take_stock(other.cells.values(), other.source)
     run.take_stock(results.cells.values())
+    if check is not None and not run.missing:
+        raise InputError("--check", f"results of these rows in {folder.path}", "none")
     if others:
         results.write(folder)
     return run
@@ -259,20 +275,44 @@ def _check_outputs(out: Path, page: Path, rows_file: Path | None) -> None:
         check_file(file, force=True)
 
 
-def _check_episodes(protocol: Protocol, rows: list[Row], episodes: int | None) -> int:
+def _check_episodes(
+    protocol: Protocol, rows: list[Row], episodes: int | None, check: int | None
+) -> int:
     """Return the most episodes of a cell; raise InputError if more were asked for."""
     cells = [cell for row in rows for cell in row.cells]
     most = max(len(protocol.keys(cell.task, cell.worlds)) for cell in cells)
-    if episodes is not None and episodes > most:
-        raise InputError("--episodes", f"{most} at most, the protocol's", str(episodes))
+    if check is not None and episodes is not None:
+        raise InputError("--episodes", "no such option with --check", str(episodes))
+    for option, asked in (("--episodes", episodes), ("--check", check)):
+        if asked is not None and asked > most:
+            raise InputError(option, f"{most} at most, the protocol's", str(asked))
     return most
 
 
-def _left(run: BenchmarkRun, episodes: int | None, most: int) -> str:
-    """Return what is left to be run, in words."""
-    if run.missing:
-        return f"{many(run.missing, 'episode')} to go"
-    return "complete" if run.is_complete else f"{episodes} of {most} episodes a cell"
+def _left(run: BenchmarkRun, episodes: int | None, most: int) -> list[str]:
+    """Return what was checked, or what is left to be run, in words."""
+    from albot_agents.benchmark.check import BenchmarkCheck
+
+    lines = [f"{many(run.missing, 'episode')} to go"] if run.missing else []
+    if isinstance(run, BenchmarkCheck):
+        same = f"{many(run.same, 'episode')} the same, {many(len(run.differences), 'other')}"
+        adopted = f"; {many(run.adopted, 'cell')} now of the installed sources"
+        return [same + adopted, *(each.text for each in run.differences), *lines]
+    is_all = "complete" if run.is_complete else f"{episodes} of {most} episodes a cell"
+    return lines or [is_all]
+
+
+def _checked_facts(run: BenchmarkRun) -> dict[str, Any]:
+    """Return what was checked, as plain data; nothing of a run of what is missing."""
+    from albot_agents.benchmark.check import BenchmarkCheck
+
+    if not isinstance(run, BenchmarkCheck):
+        return {}
+    return {
+        "same": run.same,
+        "differences": [each.facts for each in run.differences],
+        "adopted": run.adopted,
+    }
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -149,20 +149,106 @@ def test_a_file_that_contradicts_the_folder_is_refused_before_anything_is_writte
             assert not (tmp_path / "new").exists()
 
 
+def _edited(rows: Path, **values: object) -> None:
+    """Put other values in each episode of a file of rows."""
+    first, *lines = map(json.loads, gzip.decompress(rows.read_bytes()).splitlines())
+    lines = [line | values for line in lines]
+    rows.write_bytes(gzip.compress("\n".join(map(json.dumps, [first, *lines])).encode()))
+
+
 def test_rows_of_other_sources_are_shown_but_not_added_to(
     tmp_path: Path, call: Callable[..., Result]
 ) -> None:
     out, rows = tmp_path / "results", tmp_path / "rows.jsonl.gz"
     call("results", "--out", out, *RANDOM, "--episodes", 2, "--rows", rows)
-    first, *lines = map(json.loads, gzip.decompress(rows.read_bytes()).splitlines())
-    lines = [line | {"sources": "0123456789abcdef"} for line in lines]
-    rows.write_bytes(gzip.compress("\n".join(map(json.dumps, [first, *lines])).encode()))
+    _edited(rows, sources="0123456789abcdef")
     new = tmp_path / "new"
     result = call("results", "--out", new, "--from", rows, *RANDOM, "--episodes", 3)
     expect_error(result, "expected results of the installed sources of random", rows.name)
     assert not new.exists()
     call("results", "--out", new, "--from", rows, "--episodes", 0)
     assert "**Of other sources:** 1 cells" in (new / "results.md").read_text()
+
+
+def test_what_is_the_same_when_run_again_becomes_of_the_installed_sources(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    out, rows = tmp_path / "results", tmp_path / "rows.jsonl.gz"
+    call("results", "--out", out, *RANDOM, "--episodes", 2, "--rows", rows)
+    before = ResultsFolder(out).file(next(iter(ResultsFolder(out).read())).cell).read_bytes()
+    for path, adopted in ((rows, 0), (tmp_path / "others.jsonl.gz", 1)):
+        path.write_bytes(rows.read_bytes())
+        if adopted:
+            _edited(path, sources="0123456789abcdef")
+        new = tmp_path / f"new-{adopted}"
+        result = call("results", "--out", new, "--from", path, *RANDOM, "--check", 3, "--json")
+        assert result.return_value == 0
+        found = figures(result)
+        assert (found["same"], found["differences"], found["adopted"]) == (2, [], adopted)
+        assert found["missing"] == 0
+        (cell,) = (each.cell for each in ResultsFolder(new).read())
+        assert ResultsFolder(new).file(cell).read_bytes() == before
+        assert "Of other sources" not in (new / "results.md").read_text()
+    said = call("results", "--out", new, *RANDOM, "--check", 1).stdout
+    assert "1 episode the same, 0 others; 0 cells now of the installed sources" in said
+    assert figures(call("results", "--out", new, *RANDOM, "--episodes", 3, "--json"))["rows"]
+
+
+def test_what_differs_when_run_again_is_told_and_stays_of_other_sources(
+    tmp_path: Path, call: Callable[..., Result]
+) -> None:
+    out, rows = tmp_path / "results", tmp_path / "rows.jsonl.gz"
+    call("results", "--out", out, *RANDOM, "--episodes", 2, "--rows", rows)
+    _edited(rows, sources="0123456789abcdef", steps=11)
+    new = tmp_path / "new"
+    result = call("results", "--out", new, "--from", rows, *RANDOM, "--check", 1)
+    assert result.return_value == 1
+    assert "0 episodes the same, 1 other; 0 cells now" in result.stdout
+    assert (
+        "differs: random with the mapper none in Albot/Explore-v0, mazes, pioneer, "
+        "random:maze:70000, seed 70000: steps 11, now 10" in result.stdout
+    )
+    (found,) = ResultsFolder(new).read()
+    assert found.sources == "0123456789abcdef"
+    assert [each.steps for each in found.episodes] == [11, 11]
+    assert "**Of other sources:** 1 cells" in (new / "results.md").read_text()
+    result = call("results", "--out", new, *RANDOM, "--check", 1, "--json")
+    (difference,) = figures(result)["differences"]
+    assert (difference["value"], difference["kept"], difference["found"]) == ("steps", 11, 10)
+    assert difference["worlds"] == "mazes"
+
+
+def test_a_check_that_was_stopped_changes_no_cell(
+    tmp_path: Path, call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, rows = tmp_path / "results", tmp_path / "rows.jsonl.gz"
+    call("results", "--out", out, *RANDOM, "--episodes", 3, "--rows", rows)
+    _edited(rows, sources="0123456789abcdef")
+    monkeypatch.setattr(choice, "make_engine", lambda *_, **__: stopping_after(2))
+    new = tmp_path / "new"
+    result = call("results", "--out", new, "--from", rows, *RANDOM, "--check", 3, "--json")
+    assert result.return_value == 130
+    found = figures(result)
+    assert (found["same"], found["missing"], found["adopted"]) == (2, 1, 0)
+    assert {each.sources for each in ResultsFolder(new).read()} == {"0123456789abcdef"}
+
+
+def test_a_check_is_of_what_the_folder_has(tmp_path: Path, call: Callable[..., Result]) -> None:
+    out = tmp_path / "results"
+    expect_error(
+        call("results", "--out", out, *RANDOM, "--check", 1),
+        f"--check: expected results of these rows in {out}, found none",
+    )
+    assert not out.exists()
+    call("results", "--out", out, *RANDOM, "--episodes", 1)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for words, said in (
+        ((*RANDOM, "--check", 1, "--episodes", 1), "--episodes: expected no such option with --c"),
+        ((*RANDOM, "--check", 101), "--check: expected 100 at most, the protocol's, found 101"),
+        ((*EXPLORE, "--agent", "gap-explorer", "--check", 1), "--check: expected results of the"),
+    ):
+        expect_error(call("results", "--out", out, *words), said)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
 def test_the_time_of_a_row_is_told(tmp_path: Path, call: Callable[..., Result]) -> None:

@@ -133,20 +133,26 @@ class BenchmarkRun:
         self._done: dict[Cell, set[tuple[str, int]]]
         self._done = {cell: set() for row in self._rows for cell in row.cells}
         for found in results:
-            self._check_same(found, source or self._folder.file(found.cell))
+            file = source or self._folder.file(found.cell)
+            self._check_fingerprint(found, file)
+            self._check_sources(found, file)
             if found.cell in self._done:
                 self._done[found.cell] = {(one.world, one.seed) for one in found.episodes}
 
-    def _check_same(self, found: CellResults, file: object) -> None:
-        """Raise InputError for results of another agent, or of another state of a row."""
-        cell, agent = found.cell, found.cell.agent
+    def _check_fingerprint(self, found: CellResults, file: object) -> None:
+        """Raise InputError for results of another agent of a row's name."""
+        agent = found.cell.agent
         if found.fingerprint != self._fingerprints.get(agent, found.fingerprint):
             expected = f"results of the same agent {agent}; remove its files to measure anew"
             raise InputError(file, expected, "those of another of that name")
+
+    def _check_sources(self, found: CellResults, file: object) -> None:
+        """Raise InputError for results of another state of a row's agent or mapper."""
+        cell, agent = found.cell, found.cell.agent
         wanted = self._sources.get((agent, cell.mapper), found.sources)
         if cell in self._done and found.sources != wanted:
             expected = f"results of the installed sources of {agent} and its mapper ({wanted}); "
-            expected += "remove the file to measure anew"
+            expected += "--check, or remove the file to measure anew"
             raise InputError(file, expected, f"those of others ({found.sources})")
 
     @property
