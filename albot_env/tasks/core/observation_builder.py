@@ -39,7 +39,9 @@ from albot_env.tasks.core.wayfinding import empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import OccupancyGrids
 from albot_maps import World
 
-_KEPT_OF_OCCUPANCY = ("ages", "moved", "beliefs", "shortcuts", "onwards", "paths", "barred")
+_KEPT_OF_OCCUPANCY = (
+    "ages", "moved", "beliefs", "shortcuts", "onwards", "paths", "drawn", "barred",
+)  # fmt: skip
 """The arrays of `OccupancyGrids` in a state, besides the grid itself."""
 _KEPT_OF_OBSTACLES = ("poses", "travelled", "moved")
 """The arrays of `ObstacleMemory` in a state, besides the points themselves."""

@@ -138,6 +138,7 @@ def empty_occupancy(robots: int) -> OccupancyGrids:
         shortcuts=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
         onwards=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
         paths=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
+        drawn=np.zeros((robots, 2, 2), np.int64),
         barred=np.tile((np.inf, 0.0), (robots, 1)),
     )
 

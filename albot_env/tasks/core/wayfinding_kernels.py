@@ -17,14 +17,17 @@ from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import (
     BLOCKED,
     STEP,
+    GridSearch,
+    begin_search,
+    expand,
     nearest_reached,
+    next_cell,
     search_grid,
     trace_path,
 )
 from albot_core.planning.occupancy_grid_kernels import (
     farthest_straight,
     mark_scan,
-    straight_is_free,
 )
 from albot_env.tasks.core.coverage_kernels import (
     CoverageGrid,
@@ -91,6 +94,9 @@ class OccupancyGrids(NamedTuple):
     """(n, 3) float64: the same for the way home that the robot had better take: the shortcut if it
     is worth leaving the known way, or that is barred; else the shortest way to the next point on
     the known one."""
+    drawn: np.ndarray
+    """(n, 2, 2) int64: first row and column of the part of each grid that readings were drawn in,
+    and those behind its last."""
     barred: np.ndarray
     """(n, 2) float64: least length of the known way home so far (m), and how many searches have
     found it barred since."""
@@ -137,7 +143,7 @@ def update_occupancy(
     for k in range(belief.shape[0]):
         occupancy.beliefs[i, k] = belief[k]
     if accumulate_motion(motion, params.spacing, params.turn, occupancy.moved[i]):
-        _draw(occupancy_of(occupancy, i), params, sensor, belief, ranges)
+        _draw(occupancy, i, params, sensor, belief, ranges)
     is_time = occupancy.ages[i] % params.every == 0
     occupancy.ages[i] += 1
     return bool(is_time)
@@ -150,6 +156,7 @@ def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
     occupancy.grids[i, : side * side] = 0
     occupancy.ages[i] = 0
     occupancy.moved[i] = math.inf
+    occupancy.drawn[i, 0], occupancy.drawn[i, 1] = side, 0
     _forget_way(occupancy.shortcuts[i])
     _forget_way(occupancy.onwards[i])
     _forget_way(occupancy.paths[i])
@@ -165,19 +172,25 @@ def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: f
 
 @kernel(arrays=True)
 def _draw(
-    grid: np.ndarray,
+    occupancy: OccupancyGrids,
+    i: int,
     params: OccupancyParams,
     sensor: CoverageSensor,
     belief: np.ndarray,
     ranges: np.ndarray,
 ) -> None:
-    """Draw a scan if all of it is on the grid."""
+    """Draw a scan on robot i's grid if all of it is on the grid."""
+    grid = occupancy_of(occupancy, i)
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
     x, y = transform_point(belief, cos, sin, sensor.x, sensor.y)
     eye = np.array((x, y, belief[2] + sensor.first))
     farthest = max(abs(eye[0]), abs(eye[1])) + params.reach + params.cell
     if farthest < (grid.shape[0] // 2) * params.cell:
         bearings = np.arange(ranges.shape[0]) * sensor.spacing
+        reach, drawn = int(params.reach / params.cell) + 2, occupancy.drawn[i]
+        for axis, place in enumerate(_cell(grid, eye, params.cell)):
+            drawn[0, axis] = min(drawn[0, axis], place - reach)
+            drawn[1, axis] = max(drawn[1, axis], place + reach + 1)
         mark_scan(grid, params.cell, eye, ranges, bearings, params.reach)
 
 
@@ -284,17 +297,19 @@ def find_onward(
         low, high = _box(grid, start, start, int(around / search.cell))
         if not _is_inside(start, low, high, search):
             return
+        if around >= search.last:
+            low, high = _drawn_box(occupancy.drawn[i], start, low, high, search.radii)
         part = grid[low[0] : high[0], low[1] : high[1]]
         before = np.empty(part.shape, np.int64)
         here = start[0] - low[0], start[1] - low[1]
-        ways, _ = search_grid(part, here, search.radii, before, False, _NOWHERE)
-        best, most = _most_gain(grid, low, ways, search, covered, i, most)
+        found = begin_search(part, here, search.radii, before, False, _NOWHERE)
+        enough = 0.0 if around >= search.last else 1.0 / (around + search.stay)
+        best, most = _most_gain(grid, low, found, search, covered, i, most, enough)
         if best[0] >= 0:
-            cells = trace_path(ways, before, best)
+            cells = trace_path(found.lengths, before, best)
             _tell_way(part, low, grid.shape[0] // 2, cells, search, way)
-            way[LENGTH] = ways[best] / STEP * search.cell
-        is_enough = around >= search.last or most >= 1.0 / (around + search.stay)
-        if is_enough or not _comes_to_the_edge(ways, int(search.radii[1])):
+            way[LENGTH] = found.lengths[best] / STEP * search.cell
+        if most >= enough or not _comes_to_the_edge(found.lengths, int(search.radii[1])):
             return
         around = min(_WIDER * around, search.last)
 
@@ -321,29 +336,34 @@ def pick_onward(occupancy: OccupancyGrids, i: int) -> np.ndarray:
 def _most_gain(
     grid: np.ndarray,
     low: tuple[int, int],
-    ways: np.ndarray,
+    found: GridSearch,
     search: SearchParams,
     covered: CoverageGrid,
     i: int,
     least: float,
+    enough: float,
 ) -> tuple[tuple[int, int], float]:
-    """Return the reached cell with the largest gain, and the gain (1/m), if more than `least`.
+    """Return the reachable cell with the largest gain, and the gain (1/m), if more than `least`.
 
-    `ways` are the lengths of the ways to the cells of a part of the grid, `low` is its first cell.
+    Of several, it is the first one row by row. `found` is a search that has begun in the part of
+    the grid whose first cell is `low`. It takes the nearest cells first, and ends where no cell
+    farther away can have a larger gain, unless the largest is less than `enough`: then the whole
+    part is searched.
     """
-    best, most = _NOWHERE, least
-    for row in range(-low[0] % _STRIDE, ways.shape[0], _STRIDE):
-        for column in range(-low[1] % _STRIDE, ways.shape[1], _STRIDE):
-            if ways[row, column] < 0:
-                continue
-            length = ways[row, column] / STEP * search.cell + search.stay
-            if 1.0 / length <= most:
-                continue
-            place, wanted = (low[0] + row, low[1] + column), most * length - _ROUNDING
-            gain = _new_share(grid, place, search, covered, i, wanted) / length
-            if gain > most:
-                best, most = (row, column), gain
-    return best, most
+    best, most, lines = _NOWHERE, least, _lines_of_sight(search)
+    while True:
+        cell = next_cell(found)
+        if cell[0] < 0:
+            return best, most
+        length = found.lengths[cell] / STEP * search.cell + search.stay
+        if 1.0 / length < most and most >= enough:
+            return best, most
+        place, wanted = (low[0] + cell[0], low[1] + cell[1]), most * length - _ROUNDING
+        if place[0] % _STRIDE == 0 and place[1] % _STRIDE == 0 and 1.0 / length >= most:
+            gain = _new_share(grid, place, search, covered, i, wanted, lines) / length
+            if gain > most or (gain == most and best[0] >= 0 and cell < best):
+                best, most = cell, gain
+        expand(found, cell, _NOWHERE)
 
 
 @kernel()
@@ -354,6 +374,7 @@ def _new_share(
     covered: CoverageGrid,
     i: int,
     least: float,
+    lines: np.ndarray,
 ) -> float:
     """Return the share of the square around a cell that is new: not covered, and in sight.
 
@@ -363,9 +384,7 @@ def _new_share(
     """
     side, extent = grid.shape[0], covered.sides[i] / 2 * covered.cell
     count, needed, found = _POINTS, least * _POINTS, 0
-    far = int(np.round(search.sight / search.cell))
-    near = int(np.round(search.sight / 2 / search.cell))
-    apart = (-far, -near, 0, near, far)
+    apart = _points_apart(search)
     for k in range(_POINTS):
         row, column = place[0] + apart[k // 5], place[1] + apart[k % 5]
         x, y = (column - side // 2 + 0.5) * search.cell, (row - side // 2 + 0.5) * search.cell
@@ -377,12 +396,68 @@ def _new_share(
         if count < needed:
             return 0.0
     for k in range(_POINTS):  # Lines take longer than points.
-        row, column = place[0] + apart[k // 5], place[1] + apart[k % 5]
-        if found >> k & 1 and not straight_is_free(grid, place, (row, column), 0.0, True):
+        if found >> k & 1 and not _is_in_sight(grid, place, lines[k]):
             count -= 1
             if count < needed:
                 return 0.0
     return count / _POINTS
+
+
+@kernel()
+def _points_apart(search: SearchParams) -> tuple[int, int, int, int, int]:
+    """Return how far apart the points around a place are from it along an axis (cells)."""
+    far = int(np.round(search.sight / search.cell))
+    near = int(np.round(search.sight / 2 / search.cell))
+    return -far, -near, 0, near, far
+
+
+@kernel(arrays=True)
+def _lines_of_sight(search: SearchParams) -> np.ndarray:
+    """Return the cells on the lines from a place to the points around it, as seen from the place.
+
+    The result has shape (`_POINTS`, cells, 2). Lines that have fewer cells end with (0, 0).
+    """
+    apart = _points_apart(search)
+    lines = np.zeros((_POINTS, apart[4] + 1, 2), np.int32)
+    for k in range(_POINTS):
+        rows, columns = apart[k // 5], apart[k % 5]
+        count = max(abs(rows), abs(columns))
+        for j in range(count):
+            lines[k, j, 0] = int(np.round(rows * (j + 1) / count))
+            lines[k, j, 1] = int(np.round(columns * (j + 1) / count))
+    return lines
+
+
+@kernel()
+def _is_in_sight(grid: np.ndarray, place: tuple[int, int], line: np.ndarray) -> bool:
+    """Whether no cell on a line of `_lines_of_sight` from a place is blocked."""
+    j = 0
+    while line[j, 0] or line[j, 1]:
+        if grid[place[0] + line[j, 0], place[1] + line[j, 1]] == BLOCKED:
+            return False
+        j += 1
+    return True
+
+
+@kernel()
+def _drawn_box(
+    drawn: np.ndarray,
+    start: tuple[int, int],
+    low: tuple[int, int],
+    high: tuple[int, int],
+    radii: tuple[float, float],
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the part of a box in which all ways from a start through cells seen to be free are.
+
+    Around it there are as many cells as a search does not enter at the edges, and around the start
+    as many as need not be seen to be free.
+    """
+    edge = int(radii[1]) + 1
+    around = int(radii[0]) + 2 + edge
+    first = min(drawn[0, 0] - edge, start[0] - around), min(drawn[0, 1] - edge, start[1] - around)
+    last = max(drawn[1, 0] + edge, start[0] + around), max(drawn[1, 1] + edge, start[1] + around)
+    low = max(low[0], first[0]), max(low[1], first[1])
+    return low, (min(high[0], last[0]), min(high[1], last[1]))
 
 
 @kernel()

@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
@@ -56,48 +58,106 @@ def search_grid(
         The path lengths (rows, columns), -1 without a path; and the cell at which the search
         ended, (-1, -1) if it searched all cells.
     """
+    search = begin_search(grid, start, radii, parents, unknown_is_free, goal)
+    while True:
+        cell = next_cell(search)
+        if cell[0] < 0 or (cell[0] == goal[0] and cell[1] == goal[1]):
+            return search.lengths, cell
+        if grid[cell] == TARGET and search.costs[cell[0] + 1, cell[1] + 1] > 0:
+            return search.lengths, cell
+        expand(search, cell, goal)
+
+
+class GridSearch(NamedTuple):
+    """A search under way, for those who end it themselves: `search_grid` runs one to its end."""
+
+    lengths: np.ndarray
+    """(rows, columns) int32: length of the shortest path found to each cell so far; -1 for none."""
+    parents: np.ndarray
+    """(rows, columns) int64: flat index of the previous cell on each cell's path."""
+    costs: np.ndarray
+    """(rows + 2, columns + 2) int8: cost factor of a step to each cell; see `_enter_costs`."""
+    done: np.ndarray
+    """(rows, columns) bool: whether the shortest path to each cell is known."""
+    waiting: np.ndarray
+    """int32: flat indices of the cells in the open list."""
+    following: np.ndarray
+    """int32: number of the next one in the same bucket; -1 for none."""
+    buckets: np.ndarray
+    """int64: number of the first one in each bucket; -1 for none."""
+    counts: np.ndarray
+    """(2,) int64: length of the open list, with those that left it; estimated length of the path
+    through the cell that left it last."""
+
+
+@kernel(arrays=True)
+def begin_search(
+    grid: np.ndarray,
+    start: tuple[int, int],
+    radii: tuple[float, float],
+    parents: np.ndarray,
+    unknown_is_free: bool,
+    goal: tuple[int, int],
+) -> GridSearch:
+    """Begin a search with the arguments of `search_grid`."""
     rows, columns = grid.shape
-    costs = _enter_costs(grid, start, radii, unknown_is_free)
-    lengths = np.full((rows, columns), -1, np.int32)
-    done = np.zeros((rows, columns), np.bool_)
-    waiting = np.empty(8 * rows * columns + 1, np.int32)
-    following = np.empty(8 * rows * columns + 1, np.int32)
-    buckets = np.full(_BUCKETS, -1)
-    waiting[0], following[0] = start[0] * columns + start[1], -1
-    lengths[start[0], start[1]] = 0
-    parents[start[0], start[1]] = waiting[0]
-    count, empty, length = 1, 0, _heuristic(start[0], start[1], goal)
-    buckets[length % _BUCKETS] = 0
+    search = GridSearch(
+        lengths=np.full((rows, columns), -1, np.int32),
+        parents=parents,
+        costs=_enter_costs(grid, start, radii, unknown_is_free),
+        done=np.zeros((rows, columns), np.bool_),
+        waiting=np.empty(8 * rows * columns + 1, np.int32),
+        following=np.empty(8 * rows * columns + 1, np.int32),
+        buckets=np.full(_BUCKETS, -1),
+        counts=np.empty(2, np.int64),
+    )
+    search.waiting[0], search.following[0] = start[0] * columns + start[1], -1
+    search.lengths[start[0], start[1]] = 0
+    parents[start[0], start[1]] = search.waiting[0]
+    search.counts[0], search.counts[1] = 1, _heuristic(start[0], start[1], goal)
+    search.buckets[search.counts[1] % _BUCKETS] = 0
+    return search
+
+
+@kernel()
+def next_cell(search: GridSearch) -> tuple[int, int]:
+    """Take the next cell from the open list, whose shortest path is known; (-1, -1) for none."""
+    columns, empty, length = search.lengths.shape[1], 0, search.counts[1]
     while empty < _BUCKETS:
-        k = buckets[length % _BUCKETS]
+        k = search.buckets[length % _BUCKETS]
         if k < 0:
             length, empty = length + 1, empty + 1
             continue
-        empty, buckets[length % _BUCKETS] = 0, following[k]
-        here = waiting[k]
-        row, column = here // columns, here % columns
-        if done[row, column]:
+        empty, search.buckets[length % _BUCKETS] = 0, search.following[k]
+        row, column = search.waiting[k] // columns, search.waiting[k] % columns
+        if search.done[row, column]:
             continue  # A shorter path was found since.
-        done[row, column] = True
-        is_end = row == goal[0] and column == goal[1]
-        if is_end or (grid[row, column] == TARGET and costs[row + 1, column + 1] > 0):
-            return lengths, (row, column)
-        so_far = lengths[row, column]
-        for r in range(row - 1, row + 2):
-            for c in range(column - 1, column + 2):
-                cost = costs[r + 1, c + 1]
-                if cost == 0:
-                    continue
-                step = STEP if r == row or c == column else DIAGONAL
-                reached = so_far + step * abs(cost)
-                if 0 <= lengths[r, c] <= reached:
-                    continue
-                lengths[r, c], parents[r, c] = reached, here
-                waits = (reached + _heuristic(r, c, goal)) % _BUCKETS
-                waiting[count] = r * columns + c
-                following[count], buckets[waits] = buckets[waits], count
-                count += 1
-    return lengths, (-1, -1)
+        search.done[row, column] = True
+        search.counts[1] = length
+        return row, column
+    return -1, -1
+
+
+@kernel()
+def expand(search: GridSearch, cell: tuple[int, int], goal: tuple[int, int]) -> None:
+    """Enter the neighbours of a cell from `next_cell` in the open list."""
+    row, column = cell
+    columns, so_far, count = search.lengths.shape[1], search.lengths[cell], search.counts[0]
+    for r in range(row - 1, row + 2):
+        for c in range(column - 1, column + 2):
+            cost = search.costs[r + 1, c + 1]
+            if cost == 0:
+                continue
+            step = STEP if r == row or c == column else DIAGONAL
+            reached = so_far + step * abs(cost)
+            if 0 <= search.lengths[r, c] <= reached:
+                continue
+            search.lengths[r, c], search.parents[r, c] = reached, row * columns + column
+            waits = (reached + _heuristic(r, c, goal)) % _BUCKETS
+            search.waiting[count] = r * columns + c
+            search.following[count], search.buckets[waits] = search.buckets[waits], count
+            count += 1
+    search.counts[0] = count
 
 
 @kernel(arrays=True)

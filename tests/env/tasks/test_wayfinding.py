@@ -70,10 +70,10 @@ class Robot:
         self.ground.follow(motion, at, scan)
         self.ways.follow(motion, at, scan, np.array((*home, 0.0)), self.ground, known)
 
-    def look_again(self, pose, walls=FAR_WALL, home=(0.0, 0.0), motion=STILL) -> None:
+    def look_again(self, pose, walls=FAR_WALL, home=(0.0, 0.0), motion=STILL, laser=None) -> None:
         """Come to a pose, and look from there until the next search is over."""
         for k in range(CONFIG.every + 1):
-            self.look(pose, walls, home, motion if k == 0 else STILL)
+            self.look(pose, walls, home, motion if k == 0 else STILL, laser)
 
 
 def _seen(pose, walls=FAR_WALL, home=(0.0, 0.0)) -> Robot:
@@ -190,6 +190,19 @@ def test_a_belief_that_jumps_begins_an_empty_grid() -> None:
     assert abs(jumped.ways.shortcut(ANY)[1] - 1.0) < 0.8
 
 
+@given(st.lists(st.tuples(*3 * (st.floats(-4, 4),)), min_size=1, max_size=3))
+@settings(deadline=None, max_examples=20)
+def test_what_is_drawn_is_in_the_part_that_is_searched(poses: list) -> None:
+    robot = Robot()
+    for pose in poses:
+        robot.look_again(pose, _square(5.0), laser=ALL_ROUND)
+    occupancy = robot.ways._occupancy
+    rows, columns = np.nonzero(occupancy_of(occupancy, 0))
+    (top, left), (bottom, right) = occupancy.drawn[0]
+    assert top <= rows.min() <= rows.max() < bottom
+    assert left <= columns.min() <= columns.max() < right
+
+
 SEARCH = replace(CONFIG, first=3.0, last=12.0, sight=1.2).search(0.25)
 """A search that widens its range often."""
 
@@ -200,7 +213,10 @@ def _rooms(seed: int) -> tuple[OccupancyGrids, CoverageGrid]:
     occupancy = with_occupancy(empty_occupancy(1), 0, CONFIG.side(8.0))
     cells = occupancy_of(occupancy, 0)
     coarse = rng.choice((FREE, UNKNOWN, BLOCKED), (len(cells) // 4 + 1,) * 2, p=(0.86, 0.07, 0.07))
-    cells[:] = np.kron(coarse, np.ones((4, 4), np.int8))[: len(cells), : len(cells)]
+    first, last = rng.integers(0, len(cells) // 2, 2), rng.integers(len(cells) // 2, len(cells), 2)
+    drawn = slice(first[0], last[0]), slice(first[1], last[1])
+    cells[drawn] = np.kron(coarse, np.ones((4, 4), np.int8))[drawn]
+    occupancy.drawn[0] = first, last
     occupancy.beliefs[0] = (*rng.uniform(-6, 6, 2), 0.0)
     ground = Coverage(CoverageConfig(), 10.0)
     for _ in range(rng.integers(0, 150)):
