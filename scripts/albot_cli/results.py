@@ -183,7 +183,7 @@ def command(
     else:
         lines = [*render_lines(chosen), *map(time_line, times)] if agents else []
         if episodes != 0:
-            lines += _left(run, episodes, most)
+            lines += _told(run, episodes, most)
         lines += [each.text for each in run.failed]
         click.echo("\n".join([*lines, *map(str, files.values())]))
     return STOPPED if stopped else int(bool(run.failed or checked.get("differences")))
@@ -289,7 +289,7 @@ def _check_episodes(
     return most
 
 
-def _left(run: BenchmarkRun, episodes: int | None, most: int) -> list[str]:
+def _told(run: BenchmarkRun, episodes: int | None, most: int) -> list[str]:
     """Return what was checked, or what is left to be run, in words."""
     from albot_agents.benchmark.check import BenchmarkCheck
 

@@ -12,6 +12,7 @@
 | the same, compiled | `observation_kernels`; the parts: `parts` |
 | ground covered, rooms entered | `coverage`, `rooms`; compiled: `coverage_kernels` |
 | paths over ground that robots have seen | `wayfinding`; compiled: `wayfinding_kernels` |
+| the same to uncovered ground, compiled | `onward_kernels` |
 | the true shortest path home | `way_home` |
 | rewards as named terms | `reward` |
 | outward journeys and tours before an episode begins | `journeys` |

@@ -22,6 +22,7 @@ from albot_env.tasks.core.coverage_kernels import (
     cover,
 )
 from albot_env.tasks.core.obstacle_kernels import remember_obstacles
+from albot_env.tasks.core.onward_kernels import find_onward
 from albot_env.tasks.core.parts.beliefs import (
     CONFIDENCE,
     EXIT_HOME,
@@ -70,7 +71,6 @@ from albot_env.tasks.core.rooms import Rooms, find_room
 from albot_env.tasks.core.state import BatchState, ExplorationProgress, true_state
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyParams,
-    find_onward,
     find_path,
     find_shortcut,
     update_occupancy,

@@ -1,7 +1,8 @@
 """Compiled searches over grids: shortest paths and connectivity.
 
 - `search_grid`: Dijkstra's search, or A* with a goal, over an occupancy grid whose cells near
-  obstacles cost more. It is for planning while the robot drives.
+  obstacles cost more. It is for planning while the robot drives. `begin_search`, `next_cell` and
+  `expand` are its parts, for a search that is to end elsewhere.
 - `flood_fill`: the points connected to a start. It is for proofs that a world can be explored.
 """
 

@@ -24,6 +24,7 @@ from albot_env.tasks.core.coverage_kernels import (
     find_frontier,
 )
 from albot_env.tasks.core.observation import PART_NAMES, ObservationConfig, Parts
+from albot_env.tasks.core.onward_kernels import find_onward, pick_onward
 from albot_env.tasks.core.parts.beliefs import (
     observe_confidence,
     observe_exit,
@@ -36,10 +37,8 @@ from albot_env.tasks.core.parts.scales import scale_ranges
 from albot_env.tasks.core.parts.sensors import find_nearest, observe_motion
 from albot_env.tasks.core.wayfinding import WayfindingConfig, empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import (
-    find_onward,
     find_path,
     find_shortcut,
-    pick_onward,
     pick_shortcut,
     update_occupancy,
 )

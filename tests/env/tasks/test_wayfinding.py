@@ -25,12 +25,12 @@ from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.coverage_kernels import CoverageGrid, is_covered
 from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
+from albot_env.tasks.core.onward_kernels import find_onward
 from albot_env.tasks.core.wayfinding import WayfindingConfig, empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import (
     OccupancyGrids,
-    _tell_way,
-    find_onward,
     occupancy_of,
+    tell_way,
 )
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_env.tasks.explore.task import ExploreConfig
@@ -242,7 +242,7 @@ def _plainly(occupancy: OccupancyGrids, covered: CoverageGrid) -> np.ndarray:
         way = np.array((np.nan, np.nan, np.inf))
         if gains[end] > 0:
             route = trace_path(ways, before, end)
-            _tell_way(part, tuple(low), len(cells) // 2, route, SEARCH, way)
+            tell_way(part, tuple(low), len(cells) // 2, route, SEARCH, way)
             way[2] = ways[end] / STEP * SEARCH.cell
         found[around] = gains[end], way
     return next(way for gain, way in found.values() if gain == found[SEARCH.last][0])

@@ -11,10 +11,11 @@ from albot_core.geometry.types import Ranges
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import TRAVEL
 from albot_env.tasks.core.coverage_kernels import cut_patch, find_frontier
+from albot_env.tasks.core.onward_kernels import pick_onward
 from albot_env.tasks.core.parts.beliefs import observe_way, point_ahead
 from albot_env.tasks.core.parts.part import Need, ObservationPart, Sources, with_laser
 from albot_env.tasks.core.parts.scales import Scales, scale_ranges, unscale_ranges
-from albot_env.tasks.core.wayfinding_kernels import POINT, pick_onward, pick_shortcut
+from albot_env.tasks.core.wayfinding_kernels import POINT, pick_shortcut
 
 # Shortcut
 
